@@ -18,9 +18,10 @@ from rich.console import Console
 from orchard.field.decisions import Decision, decided
 from orchard.field.scenario import Scenario, parse
 from orchard.report.summary import clock
+from orchard.study.options import StudyOptions
 from orchard.study.picture import save
 from orchard.study.result import StudyResult
-from orchard.study.study import StudyOptions, study
+from orchard.study.study import study
 from orchard.study.table import as_table
 
 ANSWER = Path(__file__).with_name("study.json")

@@ -15,8 +15,8 @@ from orchard.field.scenario import Scenario
 from orchard.report.summary import SUMMARY, why_unwritten
 from orchard.study.benchmark import Benchmark, BenchmarkResult, orchards
 from orchard.study.command_options import BenchmarkOptions
+from orchard.study.options import StudyOptions
 from orchard.study.store import Store, StoreError
-from orchard.study.study import StudyOptions
 from orchard.study.study_command import STOPPED, failures, tell_if_lost
 from orchard.study.workers import processes
 from orchard.terminal.exits import FAILED, FINISHED, as_typed, exit_on_errors

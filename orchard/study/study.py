@@ -1,35 +1,23 @@
 """A study: which of many settings of a scenario is best, by how much, and with what confidence."""
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from orchard.behaviour.catalogue import check_plugins
 from orchard.discrete.harvest import get_ready
 from orchard.field.decisions import is_choice
-from orchard.field.layout import Layout, lay_out
-from orchard.field.problems import Problem, ScenarioError
+from orchard.field.layout import lay_out
+from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario
-from orchard.folders import runs_folder
-from orchard.plans.routes import route_of
-from orchard.report.bounds import Bounds, proven_seconds
-from orchard.report.limits import full_bins
+from orchard.report.bounds import proven_seconds
+from orchard.study.checking import checked_settings
 from orchard.study.comparing import LOOKS, Comparison, compare, interval
+from orchard.study.notes import StudyNotes, no_room
+from orchard.study.options import StudyOptions
 from orchard.study.replications import Replications, confirmed, shown_rate
-from orchard.study.result import (
-    Check,
-    Goal,
-    Horizon,
-    Model,
-    Models,
-    Row,
-    Standing,
-    StoppedBy,
-    StudyResult,
-)
+from orchard.study.result import Check, Goal, Model, Row, Standing, StoppedBy, StudyResult
 from orchard.study.runs import RunRecord, software
 from orchard.study.settings import (
     ALL_IT_TAKES,
@@ -43,37 +31,13 @@ from orchard.study.settings import (
 )
 from orchard.study.spread import number_beyond, spread
 from orchard.study.store import Store
-from orchard.study.words import answer, counted, orchard_words
+from orchard.study.words import answer, orchard_words
 from orchard.study.workers import Workers, processes, scheduled
 
-TOLD = 0.5  # s between two partial results
-FAST_SHARE = 0.5  # of the budget, which the fast model may use if the full one is to confirm
-STORE = "studies.db"
-SHARES = frozenset(
-    {"rows", "pickers", "rows_to_pickers"}
-)  # keys on which it depends how much each picker has to pick
-
-
-@dataclass(frozen=True, kw_only=True)
-class StudyOptions:
-    """How a study is done. The command `orchard study` has an option for each field."""
-
-    horizon: Horizon = "long"
-    goal: Goal | None = None  # None: the least cost if the scenario has prices, else the most bins
-    confidence: float = 0.95
-    within: float = 0.02  # a difference below this share is worth nothing
-    budget_seconds: float = 300.0
-    model: Models = "both"
-    workers: int | None = None  # processes here; None: one per core
-    scheduler: str | None = (
-        None  # address of a dask.distributed scheduler, which gets the runs instead
-    )
-    store: Path | None = None  # None: studies.db in the folder of runs
-    anew: bool = False  # forget what a store of another version holds
-
-    @property
-    def store_file(self) -> Path:
-        return self.store or runs_folder() / STORE
+# S between two partial results.
+REPORT_SECONDS = 0.5
+# Of the budget, which the fast model may use if the full one is to confirm.
+FAST_SHARE = 0.5
 
 
 def study(
@@ -99,185 +63,136 @@ def study(
         raise ScenarioError(problems)
     if options.model != "full":
         get_ready([scenario])
-    started = scheduled(options.scheduler) if options.scheduler else processes(options.workers)
+    if options.scheduler:
+        started = scheduled(options.scheduler)
+    else:
+        started = processes(options.workers)
     with Store(options.store_file, options.anew) as store, started as workers:
-        numbers = numbered(scenario, varied)
-        return _Study(
-            scenario, numbers, settings, options, is_open(varied), store, workers, tell, is_stopped
-        ).run()
+        asked = _Study(
+            scenario=scenario,
+            varied=numbered(scenario, varied),
+            settings=settings,
+            options=options,
+            is_open=is_open(varied),
+            store=store,
+            workers=workers,
+            tell=tell,
+            is_stopped=is_stopped,
+        )
+        return asked.run()
 
 
-def checked_settings(
-    scenario: Scenario, varied: Mapping[str, Sequence[Any]], options: StudyOptions
-) -> tuple[list[Setting], list[Problem]]:
-    """Return the settings of a study, and all that is wrong with them, with what options ask, and
-    with own classes.
-    """
-    settings, problems = settings_of(scenario, numbered(scenario, varied))
-    asked = settings or [Setting({}, scenario)]
-    return settings, [
-        *problems,
-        *_option_problems(asked, options),
-        *_plugin_problems(asked, options.model),
-    ]
-
-
-def _option_problems(settings: Sequence[Setting], options: StudyOptions) -> list[Problem]:
-    model, is_long, is_fast = (
-        f"--model {options.model}",
-        options.horizon == "long",
-        options.model != "full",
-    )
-    own = sorted(
-        {
-            name
-            for one in settings
-            for name in (*one.scenario.agents, *one.scenario.agents_without_body)
-        }
-    )
-    prices = "needs a price: picker_per_hour, carrier_per_hour, overhead_per_hour or per_bin"
-    agents = f"only the full model knows agents of your own ({', '.join(own)}); choose --model full"
-    sensors = "only the full model knows errors of sensors; choose --model full"
-    no_end = "a long run has no end; choose --horizon harvest, or another goal"
-    no_long_run = "only the fast model can tell the long run; choose --horizon harvest"
-    found = {
-        Problem("--goal cost_per_bin", prices, "prices"): (
-            options.goal == "cost_per_bin" and not all(one.has_prices for one in settings)
-        ),
-        Problem("--goal harvest_seconds", no_end): is_long and options.goal == "harvest_seconds",
-        Problem(model, no_long_run): is_long and not is_fast,
-        Problem(model, agents, "agents"): is_fast and bool(own),
-        Problem(model, sensors, "sensors"): (
-            is_fast and not all(one.scenario.sensors.are_exact for one in settings)
-        ),
-    }
-    return [problem for problem, is_there in found.items() if is_there]
-
-
-def _plugin_problems(settings: Sequence[Setting], model: Models) -> list[Problem]:
-    with_own = {
-        tuple(classes.items()): setting
-        for setting in settings
-        if (classes := setting.scenario.own_classes)
-    }
-    return [
-        problem for setting in with_own.values() for problem in _plugin_problems_of(setting, model)
-    ]
-
-
-def _plugin_problems_of(setting: Setting, model: Models) -> list[Problem]:
-    try:
-        layout = lay_out(setting.scenario)
-        check_plugins(layout)
-        steps = [step.__name__ for step in route_of(layout).Steps]
-    except ScenarioError as error:
-        return [replace(problem, file=setting.words or problem.file) for problem in error.problems]
-    text = f"only the full model knows steps of your own ({', '.join(steps)}); choose --model full"
-    return (
-        [Problem(f"--model {model}", text, "route", setting.scenario.route)]
-        if steps and model != "full"
-        else []
-    )
-
-
-@dataclass
+@dataclass(kw_only=True)
 class _Study:
     """A study that runs: replications of all settings, look by look, until they answer; then the
     full model's word.
+
+    Settings are numbers from 0: `i` is one of them.
     """
 
     scenario: Scenario
     varied: dict[str, list[Any]]
     settings: list[Setting]
     options: StudyOptions
-    is_open: bool  # whether it chooses the numbers of carriers
+    # Whether it chooses the numbers of carriers.
+    is_open: bool
     store: Store
     workers: Workers
     tell: Callable[[StudyResult], None]
     is_stopped: Callable[[], bool]
 
     def __post_init__(self) -> None:
-        options, self.begun, self.told = self.options, time.time(), 0.0
-        self.goal = options.goal or (
-            "cost_per_bin" if all(one.has_prices for one in self.settings) else "bins_per_hour"
-        )
-        self.model: Model = "full" if options.model == "full" else "fast"
+        # S, by the clock of the machine.
+        self.begun = time.time()
+        self.reported_at = 0.0
+        self.goal: Goal = self.options.goal or _goal_of(self.settings)
+        self.model: Model = "full" if self.options.model == "full" else "fast"
         self.runs = Replications(
             self.settings,
             self.goal,
-            options.horizon,
+            self.options.horizon,
             self.store,
             self.workers,
-            self._hear,
-            self.is_stopped,
+            heard=self._report,
+            is_stopped=self.is_stopped,
         )
         several = {key for key, values in self.varied.items() if len(values) > 1}
         if self.is_open:
             several.add(CARRIERS)
         # The keys that vary and that nobody chooses: settings are compared where they are the same.
-        self.given = [
-            key
-            for key, values in self.varied.items()
-            if key in several and not is_choice(Scenario, key, values)
-        ]
-        self.has_choices = several > {*self.given} or not self.given
+        self.circumstances = []
+        for key, values in self.varied.items():
+            if key in several and not is_choice(Scenario, key, values):
+                self.circumstances.append(key)
+        self.has_choices = several > set(self.circumstances) or not self.circumstances
+        # For how many carriers the orchard has room.
         self.most = most_carriers(self.scenario) if self.is_open else 0
         self.checks: dict[int, Check] = {}
-        self.proven: dict[
-            int, float | None
-        ] = {}  # setting -> what is proven of its shortest harvest, s
-        self.notes: list[str] = []
+        # Setting -> what is proven of its shortest harvest, s.
+        self.proven: dict[int, float | None] = {}
+        self.notes_of_checks: list[str] = []
         self.stopped_by: StoppedBy = "budget"
 
     def run(self) -> StudyResult:
         """Do all that the budget allows, and return the answer."""
         confirms = self.options.model == "both" and self.options.horizon == "harvest"
-        self.stopped_by = self._replicate_until(self._share(FAST_SHARE if confirms else 1.0))
+        fast_share = FAST_SHARE if confirms else 1.0
+        self.stopped_by = self._replicate_until(self._end_of(fast_share))
         comparisons = self._compared()
         if confirms and comparisons and not self.runs.is_stopped():
-            best = [comparison.best for comparison in comparisons]
-            if len(best) == 1:
-                best += comparisons[0].runner_up
-            self.checks, self.notes = confirmed(
-                self.runs, best, self.options.confidence, self._share(1.0)
-            )
+            self._confirm(comparisons)
         if self.options.horizon == "harvest":
-            self._prove([i for one in comparisons for i in (one.best, *one.leads)])
+            for comparison in comparisons:
+                for i in (comparison.best, *comparison.leads):
+                    self._prove(i)
         return self._result()
 
-    def _prove(self, settings: Sequence[int]) -> None:
-        """Prove how short their harvests could be, of the first one even if the budget is used up;
-        of none in which the seed changes the rows.
-        """
-        for i in settings:
-            is_time = not self.proven or time.time() < self._share(1.0)
-            if (
-                is_time
-                and not self.runs.is_stopped()
-                and not self.settings[i].scenario.work_is_drawn
-            ):
-                self.proven[i] = proven_seconds(lay_out(self.settings[i].scenario))
-
-    def _share(self, share: float) -> float:
+    def _end_of(self, share: float) -> float:
+        """Return when a share of the budget is used up, s by the clock of the machine."""
         return self.begun + share * self.options.budget_seconds
 
-    def _hear(self) -> None:
-        """Hear that a run is over, and tell what is known so far."""
-        if time.time() - self.told > TOLD:
+    def _confirm(self, comparisons: Sequence[Comparison]) -> None:
+        """Have the full model do the best setting of each comparison.
+
+        Where there is one comparison only, the full model does the runner-up too.
+        """
+        best = [comparison.best for comparison in comparisons]
+        if len(best) == 1:
+            best += comparisons[0].runner_up
+        self.checks, self.notes_of_checks = confirmed(
+            self.runs, best, self.options.confidence, self._end_of(1.0)
+        )
+
+    def _prove(self, i: int) -> None:
+        """Prove how short the harvest of a setting could be, if there is time.
+
+        That of the first setting is proven even if the budget is used up. Nothing can be proven
+        of a setting in which the seed changes the rows.
+        """
+        has_time = not self.proven or time.time() < self._end_of(1.0)
+        scenario = self.settings[i].scenario
+        if has_time and not self.runs.is_stopped() and not scenario.work_is_drawn:
+            self.proven[i] = proven_seconds(lay_out(scenario))
+
+    def _report(self) -> None:
+        """Tell what is known so far, now that a run is over."""
+        if time.time() - self.reported_at > REPORT_SECONDS:
             self.tell(self._result())
-            self.told = time.time()
+            self.reported_at = time.time()
 
     # -- replications
 
     def _replicate_until(self, until: float) -> StoppedBy:
-        """Do replications of all settings.
+        """Do replications of all settings, and return why no more are done.
 
-        One of each comes first: it shows what jams, and whether other numbers must be tried.
+        The first replication shows which settings jam, and whether other numbers of carriers must
+        be tried.
         """
         for look in (1, *LOOKS):
             if not self._replicate(look, until):
                 return "stopped" if self.runs.is_stopped() else "budget"
-            if not any(one.undecided or self._is_wide(one) for one in self._compared()):
+            comparisons = self._compared()
+            if not any(known.undecided or self._is_wide(known) for known in comparisons):
                 return "certain"
         return "seeds"
 
@@ -285,20 +200,55 @@ class _Study:
         """Do so many replications of all settings that do not jam. Return whether all are done."""
         while True:
             is_whole = self.runs.do(self._in_order(), self.model, count, until)
-            if not is_whole or not (self.is_open and self._add_numbers()):
-                return is_whole
+            if not is_whole:
+                return False
+            if not self.is_open or not self._add_numbers():
+                return True
+
+    def _add_numbers(self) -> bool:
+        """Add numbers of carriers if the answer so far needs them. Return whether it does."""
+        tried = self.varied[CARRIERS]
+        wanted = set[int]()
+        for comparison in self._compared():
+            best_number = self.settings[comparison.best].scenario.carrier_count
+            wanted.update(more_numbers(tried, best_number, self.most))
+        more = sorted(wanted)
+        if more:
+            added, _ = settings_of(self.scenario, self.varied | {CARRIERS: more})
+            self.settings += added
+        self.varied[CARRIERS] = sorted([*tried, *more])
+        return bool(more)
+
+    def _is_wide(self, comparison: Comparison) -> bool:
+        """Whether the rate of the best setting is not known well enough.
+
+        It needs the runs of the first look. If the setting is alone, its interval must be narrow.
+        """
+        best = comparison.best
+        if not self.settings[best].is_random:
+            return False
+        if comparison.count < LOOKS[0]:
+            return True
+        if len(comparison.leads) > 1:
+            return False
+        sample = self.runs.sample(best, self.model, comparison.count)
+        rate = interval(sample, self.options.confidence)
+        half_width = rate.high - rate.mean
+        return not 0.0 < half_width <= self.options.within * rate.mean
+
+    # -- which settings there are
 
     @property
     def jammed(self) -> list[int]:
-        return [
-            i
-            for i in range(len(self.settings))
-            if any(record.ended == "jammed" for record in self.runs.known(i, self.model))
-        ]
+        """The settings of which a run jammed."""
+        return [i for i in range(len(self.settings)) if self._jams(i)]
+
+    def _jams(self, i: int) -> bool:
+        return any(record.ended == "jammed" for record in self.runs.known(i, self.model))
 
     def _alive(self) -> list[int]:
-        jammed = self.jammed
-        return [i for i in range(len(self.settings)) if i not in jammed]
+        """Return the settings that do not jam."""
+        return [i for i in range(len(self.settings)) if not self._jams(i)]
 
     def _in_order(self) -> list[int]:
         """Return the settings that do not jam, those first that tell most of the whole range."""
@@ -306,35 +256,26 @@ class _Study:
         order = spread(self.varied, [setting.values for setting in self.settings])
         return [i for i in order if i in alive]
 
-    def _add_numbers(self) -> bool:
-        """Add numbers of carriers if the answer so far needs them. Return whether it does."""
-        tried = self.varied[CARRIERS]
-        answers = [self.settings[one.best].scenario.carrier_count for one in self._compared()]
-        more = sorted(
-            {number for answer in answers for number in more_numbers(tried, answer, self.most)}
-        )
-        if more:
-            self.settings += settings_of(self.scenario, self.varied | {CARRIERS: more})[0]
-        self.varied[CARRIERS] = sorted([*tried, *more])
-        return bool(more)
+    def _robots(self, i: int) -> int:
+        """Return how many robots a setting has, of which few are good.
 
-    def _is_wide(self, found: Comparison) -> bool:
-        """Whether the rate of the best setting is not known well enough.
-
-        It needs the runs of the first look. If the setting is alone, its interval must be narrow.
+        0 if their cost is in the goal.
         """
-        if not self.settings[found.best].is_random:
-            return False
-        if found.count < LOOKS[0]:
-            return True
-        if len(found.leads) > 1:
-            return False
-        one = interval(
-            self.runs.sample(found.best, self.model, found.count), self.options.confidence
-        )
-        return not 0.0 < one.high - one.mean <= self.options.within * one.mean
+        if self.goal == "cost_per_bin":
+            return 0
+        scenario = self.settings[i].scenario
+        return scenario.pickers + scenario.carrier_count
 
-    # -- what they tell
+    def _place(self, i: int, keys: Sequence[str] | None = None) -> tuple[int, ...]:
+        """Return where a setting stands in the table: in the order of the values of these keys.
+
+        None: of all keys.
+        """
+        values = self.settings[i].values
+        asked = self.varied if keys is None else keys
+        return tuple(self.varied[key].index(values[key]) for key in asked)
+
+    # -- what the runs tell
 
     def _compared(self) -> list[Comparison]:
         """Return what the settings that do not jam say, on the seeds that all of them have.
@@ -342,14 +283,16 @@ class _Study:
         There is a comparison for each combination of what nobody chooses that has a run.
         """
         shown = [i for i in self._alive() if self.runs.known(i, self.model)]
-        without_chance = [i for i in shown if not self.settings[i].is_random]
-        count = min(
-            (len(self.runs.known(i, self.model)) for i in shown if i not in without_chance),
-            default=1,
-        )
+        without_chance = []
+        counts = []
         groups: dict[tuple[int, ...], list[int]] = {}
         for i in shown:
-            groups.setdefault(self._place(i, self.given), []).append(i)
+            groups.setdefault(self._place(i, self.circumstances), []).append(i)
+            if self.settings[i].is_random:
+                counts.append(len(self.runs.known(i, self.model)))
+            else:
+                without_chance.append(i)
+        count = min(counts, default=1)
         return [
             compare(
                 {i: self.runs.sample(i, self.model, count) for i in group},
@@ -374,27 +317,32 @@ class _Study:
         return is_long and not scenario.own_classes
 
     def _limit(self, i: int, count: int) -> float:
-        """The best mean of the goal that a setting can have on the first seeds, without traffic."""
+        """Return the best mean of the goal that a setting can have on the first seeds, without
+        traffic.
+        """
         records = self.runs.known(i, self.model)[:count]
         return fmean(self.runs.limit(i, record) for record in records)
 
-    def _robots(self, i: int) -> int:
-        """How many robots a setting has, of which few are good; 0 if their cost is in the goal."""
-        scenario = self.settings[i].scenario
-        return 0 if self.goal == "cost_per_bin" else scenario.pickers + scenario.carrier_count
+    # -- the result
 
     def _result(self) -> StudyResult:
+        """Return what is known so far."""
         comparisons = self._compared()
-        found = comparisons[0] if comparisons and not self.given else None
-        alive = [i for comparison in comparisons for i in comparison.leads]
-        shown = sorted([*alive, *self.jammed], key=self._place)
+        compared = [i for comparison in comparisons for i in comparison.leads]
+        shown = sorted([*compared, *self.jammed], key=self._place)
         missing = [i for i in range(len(self.settings)) if i not in shown]
+        best = None
+        # There is no best of all circumstances.
+        if comparisons and not self.circumstances:
+            best = comparisons[0].best
         undecided = [i for comparison in comparisons for i in comparison.undecided]
-        records = self.runs.records.values()
+        violations = set[str]()
+        for record in self.runs.records.values():
+            violations.update(record.violations.splitlines())
         result = StudyResult(
             answer="",
             orchard=orchard_words(self.scenario, self.varied),
-            best=self.settings[found.best].values if found else None,
+            best=None if best is None else self.settings[best].values,
             table=[self._row(i, comparisons) for i in shown],
             goal=self.goal,
             horizon=self.options.horizon,
@@ -408,47 +356,62 @@ class _Study:
             seconds_needed=self._seconds_needed(comparisons, missing),
             # A setting that has not run may be better than the last one that has.
             beyond={} if missing else self._beyond(comparisons),
-            notes=[
-                *self._about(shown, missing),
-                *self._no_room(comparisons),
-                *self._row_ends(found),
-                *self._part_full(found),
-                *self.notes,
-                *self._damaged(),
-            ],
+            notes=self._notes(comparisons, shown, missing, best),
             version=software(),
-            violations=sorted(
-                {line for record in records for line in record.violations.splitlines()}
-            ),
-            given=self.given,
+            violations=sorted(violations),
+            given=self.circumstances,
             not_run=[self.settings[i].values for i in sorted(missing, key=self._place)],
         )
         return replace(result, answer=answer(result))
 
-    def _place(self, i: int, keys: Sequence[str] | None = None) -> tuple[int, ...]:
-        """Return where a setting stands in the table: in the order of the values of these keys.
+    def _notes(
+        self,
+        comparisons: Sequence[Comparison],
+        shown: Sequence[int],
+        missing: Sequence[int],
+        best: int | None,
+    ) -> list[str]:
+        """Return what a reader must know beside the table.
 
-        None: of all keys.
+        `shown`, `missing`: the settings with and without a run. `best`: None if there is none, or
+        one for each combination of what nobody chooses.
         """
-        values = self.settings[i].values
-        asked = self.varied if keys is None else keys
-        return tuple(self.varied[key].index(values[key]) for key in asked)
+        notes = StudyNotes(self.runs, self.model, self.options, self.varied)
+        sentences = notes.nothing_random()
+        sentences += notes.missing(missing, was_stopped=self.stopped_by == "stopped")
+        sentences += notes.jammed(self.jammed)
+        sentences += notes.unequal(shown)
+        sentences += notes.faulty([i for i in shown if not self._jams(i)])
+        best_numbers = [self.settings[each.best].scenario.carrier_count for each in comparisons]
+        if self.is_open and self.most in best_numbers:
+            sentences.append(no_room(self.most))
+        if best is not None:
+            sentences += notes.row_ends(best)
+        if not self.circumstances:
+            scenario = self.scenario if best is None else self.settings[best].scenario
+            sentences += notes.part_full(scenario)
+        return sentences + self.notes_of_checks + notes.damaged()
 
     def _row(self, i: int, comparisons: Sequence[Comparison]) -> Row:
+        """Return the line of a setting in the table."""
         records = self.runs.known(i, self.model)
-        found = next((one for one in comparisons if i in one.leads), None)
-        if found is None:
+        for comparison in comparisons:
+            if i in comparison.leads:
+                break
+        else:
             return row_of(self.settings[i], records, self.options.confidence)
         if not self.has_choices:
-            stands: Standing = "alone"
+            standing: Standing = "alone"
+        elif i == comparison.best:
+            standing = "best"
         else:
-            stands = "best" if i == found.best else found.standing(i)
-        row = row_of(self.settings[i], records[: found.count], self.options.confidence)
+            standing = comparison.standing(i)
+        row = row_of(self.settings[i], records[: comparison.count], self.options.confidence)
         return replace(
             row,
-            standing=stands,
-            lead=found.leads[i],
-            behind=None if i == found.top else found.ahead[i],
+            standing=standing,
+            lead=comparison.leads[i],
+            behind=None if i == comparison.top else comparison.ahead[i],
             check=self.checks.get(i),
             proven_seconds=self.proven.get(i),
         )
@@ -461,11 +424,15 @@ class _Study:
         """
         if missing:
             return self.runs.seconds_for(missing, self.model, 1) if comparisons else None
-        undecided = [one for one in comparisons if one.undecided]
-        looks = [one.replications_needed() for one in undecided]
-        needed = [look for look in looks if look is not None]
-        if not looks or len(needed) < len(looks):
+        undecided = [comparison for comparison in comparisons if comparison.undecided]
+        if not undecided:
             return None
+        needed = []
+        for comparison in undecided:
+            replications = comparison.replications_needed()
+            if replications is None:
+                return None
+            needed.append(replications)
         more = max(needed) - undecided[0].count
         return self.runs.seconds_for(self._alive(), self.model, more)
 
@@ -475,10 +442,13 @@ class _Study:
         A value that the scenario cannot have is left out, and one that nobody chooses.
         """
         beyond = dict[str, Any]()
-        for comparison in comparisons if self.has_choices else ():
+        if not self.has_choices:
+            return beyond
+        chosen = [key for key in self.varied if key not in self.circumstances]
+        for comparison in comparisons:
             best = self.settings[comparison.best].values
-            for key, values in self.varied.items():
-                following = None if key in self.given else number_beyond(values, best[key])
+            for key in chosen:
+                following = number_beyond(self.varied[key], best[key])
                 if following is not None and self._is_possible(best | {key: following}):
                     beyond.setdefault(key, following)
         return beyond
@@ -488,129 +458,11 @@ class _Study:
         _, problems = settings_of(self.scenario, {key: [value] for key, value in values.items()})
         return not problems
 
-    # -- its notes
 
-    def _about(self, shown: Sequence[int], missing: Sequence[int]) -> list[str]:
-        notes = []
-        if not any(setting.is_random for setting in self.settings):
-            notes.append(
-                "nothing in these settings is random, so one run of each stands for all seeds"
-            )
-        if missing:
-            why = (
-                "the study was stopped before"
-                if self.stopped_by == "stopped"
-                else "there was no time for"
-            )
-            notes.append(
-                f"{why} a run of {counted('settings', len(missing))}, {self._words(missing)}: not"
-                " in the table"
-            )
-        for i in self.jammed:
-            faults = [
-                *filter(None, (record.faults for record in self.runs.known(i, self.model))),
-                "some robots wait for ever",
-            ]
-            notes.append(
-                f"{self.settings[i].words or 'the scenario'} jams: {faults[0].splitlines()[0]}"
-            )
-        return [
-            *notes,
-            *self._unequal(shown),
-            *self._faults(i for i in shown if i not in self.jammed),
-        ]
-
-    def _unequal(self, shown: Sequence[int]) -> list[str]:
-        """That the long run, in which each picker has rows for ever, does not see unequal shares of
-        the rows, if these vary.
-        """
-        is_seen = self.options.horizon == "harvest" or SHARES.isdisjoint(self.varied)
-        if is_seen or not any(
-            _is_unequal(lay_out(self.settings[i].scenario), self.options.within) for i in shown
-        ):
-            return []
-        return [
-            "some pickers get more rows than others, and only one harvest waits for the last one:"
-            " --horizon harvest"
-        ]
-
-    def _no_room(self, comparisons: Sequence[Comparison]) -> list[str]:
-        """That an answer is the last number for another reason than that more gain nothing."""
-        best = [self.settings[one.best].scenario.carrier_count for one in comparisons]
-        is_last = self.is_open and self.most in best
-        return (
-            [f"the orchard has room for {counted('carriers', self.most)}, no more"]
-            if is_last
-            else []
-        )
-
-    def _row_ends(self, found: Comparison | None) -> list[str]:
-        """What the drives to the ends of rows cost with the best setting."""
-        if found is None or self.settings[found.best].scenario.bin_metres is None:
-            return []
-        share = Bounds(lay_out(self.settings[found.best].scenario)).row_end_share
-        return [
-            f"drives to the ends of rows take {100 * share:.1f} % of a picker's time: exchanging"
-            " bins inside rows could gain no more"
-        ]
-
-    def _part_full(self, found: Comparison | None) -> list[str]:
-        """That the bins of one harvest have less fruit than as many full ones, with the best
-        setting.
-        """
-        if self.given:
-            return []
-        scenario = self.settings[found.best].scenario if found is not None else self.scenario
-        if self.options.horizon == "long" or scenario.bin_metres is None:
-            return []
-        layout = lay_out(scenario)
-        fruit = full_bins(layout)
-        if layout.bins <= (1.0 + self.options.within) * fruit:
-            return []
-        bins = (
-            f"each picker's last bin may be part full: {layout.bins} bins have the fruit of"
-            f" {fruit:.1f}"
-        )
-        more = 100.0 * (layout.bins / fruit - 1.0)
-        return [f"{bins}, so a full one costs {more:.1f} % more; bins an hour are full ones"]
-
-    def _faults(self, rows: Iterable[int]) -> list[str]:
-        """Of each setting in which an own class failed, the first fault: its figures are those of
-        another rule.
-        """
-        notes = []
-        for i in rows:
-            records = [*self.runs.known(i, "fast"), *self.runs.known(i, "full")]
-            if faulty := [record for record in records if record.faults]:
-                first = f"seed {faulty[0].seed}: {faulty[0].faults.splitlines()[0]}"
-                notes.append(
-                    f"{self.settings[i].words or 'the scenario'}: {len(faulty)} of {len(records)}"
-                    f" runs had faults; {first}"
-                )
-        return notes
-
-    def _damaged(self) -> list[str]:
-        store = self.runs.store
-        if not store.damaged:
-            return []
-        first = next(iter(store.damaged.values()))
-        return [
-            f"{store.path}: {len(store.damaged)} of the runs in it were damaged, as by {first}:"
-            " they are done again"
-        ]
-
-    def _words(self, settings: Sequence[int], most: int = 5) -> str:
-        return "; ".join(self.settings[i].words for i in settings[:most]) + (
-            " and others" if len(settings) > most else ""
-        )
-
-
-def _is_unequal(layout: Layout, within: float) -> bool:
-    """Whether a picker has more to pick than the mean, by what counts."""
-    metres = [
-        sum(layout.lane(row).length for row in block.rows) for block in layout.blocks.values()
-    ]
-    return max(metres) * len(metres) > (1.0 + within) * sum(metres)
+def _goal_of(settings: Sequence[Setting]) -> Goal:
+    """Return the goal of a study without one of its own."""
+    has_prices = all(setting.has_prices for setting in settings)
+    return "cost_per_bin" if has_prices else "bins_per_hour"
 
 
 def row_of(setting: Setting, records: Sequence[RunRecord], confidence: float) -> Row:
@@ -618,14 +470,18 @@ def row_of(setting: Setting, records: Sequence[RunRecord], confidence: float) ->
     one that jams.
     """
     jammed = sum(record.ended == "jammed" for record in records)
-    harvested = [] if jammed else records  # the others would tell of lucky runs
-    rates = [shown_rate(setting, record) for record in harvested]
-    seconds = [record.sim_seconds for record in harvested if record.horizon == "harvest"]
-    costs = [
-        cost
-        for record in harvested
-        if (cost := setting.cost_per_bin(record.bins_per_hour)) is not None
-    ]
+    # If one run jams, the others would tell of lucky runs.
+    harvested = [] if jammed else records
+    rates = []
+    seconds = []
+    costs = []
+    for record in harvested:
+        rates.append(shown_rate(setting, record))
+        if record.horizon == "harvest":
+            seconds.append(record.sim_seconds)
+        cost = setting.cost_per_bin(record.bins_per_hour)
+        if cost is not None:
+            costs.append(cost)
     count = max(1, len(harvested))
     return Row(
         setting=setting.values,

@@ -16,12 +16,14 @@ from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.field.shipped import load_or_shipped
 from orchard.report.summary import write_summary
+from orchard.study.checking import checked_settings
 from orchard.study.command_options import StudyArguments
+from orchard.study.options import StudyOptions
 from orchard.study.result import StudyResult
 from orchard.study.runs import RunFailed
 from orchard.study.settings import CARRIERS, Varied, varied_of
 from orchard.study.store import StoreError, StoreFailed, fault_of
-from orchard.study.study import StudyOptions, checked_settings, study
+from orchard.study.study import study
 from orchard.study.table import as_table, save_csv
 from orchard.study.workers import WorkersError
 from orchard.terminal.exits import FAILED, FINISHED, exit_on_errors

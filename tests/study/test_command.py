@@ -17,9 +17,10 @@ from patience import PATIENCE
 
 from orchard.commands import main as commands
 from orchard.field.scenario import Scenario, load, with_changes
+from orchard.study.options import StudyOptions
 from orchard.study.runs import PlannedRun
 from orchard.study.store import Store, StoreFailed
-from orchard.study.study import StudyOptions, study
+from orchard.study.study import study
 
 SCENARIO = """\
 rows: 3

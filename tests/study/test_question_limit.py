@@ -16,10 +16,11 @@ from orchard.field.layout import lay_out
 from orchard.report.bounds import Bounds
 from orchard.report.limits import limit_of_question, with_seed
 from orchard.study import study as module
+from orchard.study.options import StudyOptions
 from orchard.study.replications import shown_rate
 from orchard.study.runs import PlannedRun, do
 from orchard.study.settings import MORE, Setting, first_numbers
-from orchard.study.study import StudyOptions, study
+from orchard.study.study import study
 
 SMALL = {
     "rows": 4,

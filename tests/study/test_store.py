@@ -10,9 +10,10 @@ import pytest
 
 from orchard.field.scenario import Scenario, with_changes
 from orchard.study import runs, store
+from orchard.study.options import StudyOptions
 from orchard.study.runs import PlannedRun
 from orchard.study.store import Store, StoreError, StoreFailed
-from orchard.study.study import StudyOptions, study
+from orchard.study.study import study
 
 SCENARIO = Scenario(rows=3, people={"workers": 0, "visitors": 0}, animals={"dogs": 0, "cats": 0})
 

@@ -16,12 +16,14 @@ from orchard.field.scenario import Scenario, with_changes
 from orchard.field.shipped import load_or_shipped
 from orchard.study import settings
 from orchard.study import study as module
+from orchard.study.checking import checked_settings
 from orchard.study.comparing import LOOKS
+from orchard.study.options import StudyOptions
 from orchard.study.picture import inline_svg
 from orchard.study.result import StudyResult
 from orchard.study.runs import PlannedRun
 from orchard.study.settings import Setting, more_numbers, most_carriers, varied_of
-from orchard.study.study import StudyOptions, checked_settings, row_of, study
+from orchard.study.study import row_of, study
 from orchard.study.table import legend
 from orchard.study.table import words as words_of_table
 from orchard.study.words import setting_words

@@ -19,7 +19,8 @@ from work import blocked_signals, deadly, double, faulty, loud, slow
 
 from orchard.contract.printed import MOST_LINES
 from orchard.field.scenario import Scenario
-from orchard.study.study import StudyOptions, study
+from orchard.study.options import StudyOptions
+from orchard.study.study import study
 from orchard.study.workers import WorkersError, processes, scheduled
 
 HERE = Path(__file__).parent

@@ -1,0 +1,86 @@
+"""What is wrong with a study before it begins: with its settings, its options and own classes."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from orchard.behaviour.catalogue import check_plugins
+from orchard.field.layout import lay_out
+from orchard.field.problems import Problem, ScenarioError
+from orchard.field.scenario import Scenario
+from orchard.plans.routes import route_of
+from orchard.study.options import StudyOptions
+from orchard.study.result import Models
+from orchard.study.settings import Setting, numbered, settings_of
+
+_NO_PRICES = "needs a price: picker_per_hour, carrier_per_hour, overhead_per_hour or per_bin"
+_NO_END = "a long run has no end; choose --horizon harvest, or another goal"
+_NO_LONG_RUN = "only the fast model can tell the long run; choose --horizon harvest"
+_SENSORS = "only the full model knows errors of sensors; choose --model full"
+
+
+def checked_settings(
+    scenario: Scenario, varied: Mapping[str, Sequence[Any]], options: StudyOptions
+) -> tuple[list[Setting], list[Problem]]:
+    """Return the settings of a study, and all that is wrong with them, with what options ask, and
+    with own classes.
+    """
+    settings, problems = settings_of(scenario, numbered(scenario, varied))
+    # Options and classes are checked too if no setting is a scenario.
+    asked = settings or [Setting({}, scenario)]
+    problems += _option_problems(asked, options)
+    problems += _plugin_problems(asked, options.model)
+    return settings, problems
+
+
+def _option_problems(settings: Sequence[Setting], options: StudyOptions) -> list[Problem]:
+    """Return what is wrong with the options of a study of these settings."""
+    problems = []
+    is_long = options.horizon == "long"
+    if options.goal == "cost_per_bin" and not all(setting.has_prices for setting in settings):
+        problems.append(Problem("--goal cost_per_bin", _NO_PRICES, "prices"))
+    if options.goal == "harvest_seconds" and is_long:
+        problems.append(Problem("--goal harvest_seconds", _NO_END))
+    if options.model == "full":
+        if is_long:
+            problems.append(Problem("--model full", _NO_LONG_RUN))
+        return problems
+    model = f"--model {options.model}"
+    own_agents = set[str]()
+    for setting in settings:
+        own_agents.update(setting.scenario.agents, setting.scenario.agents_without_body)
+    if own_agents:
+        names = ", ".join(sorted(own_agents))
+        text = f"only the full model knows agents of your own ({names}); choose --model full"
+        problems.append(Problem(model, text, "agents"))
+    if not all(setting.scenario.sensors.are_exact for setting in settings):
+        problems.append(Problem(model, _SENSORS, "sensors"))
+    return problems
+
+
+def _plugin_problems(settings: Sequence[Setting], model: Models) -> list[Problem]:
+    """Return what is wrong with own classes. Settings with the same ones are checked once."""
+    with_own: dict[tuple[tuple[str, str], ...], Setting] = {}
+    for setting in settings:
+        classes = setting.scenario.own_classes
+        if classes:
+            with_own[tuple(classes.items())] = setting
+    problems = []
+    for setting in with_own.values():
+        problems += _plugin_problems_of(setting, model)
+    return problems
+
+
+def _plugin_problems_of(setting: Setting, model: Models) -> list[Problem]:
+    """Return what is wrong with the own classes of a setting."""
+    try:
+        layout = lay_out(setting.scenario)
+        check_plugins(layout)
+        own_steps = [step.__name__ for step in route_of(layout).Steps]
+    except ScenarioError as error:
+        return [replace(problem, file=setting.words or problem.file) for problem in error.problems]
+    if model == "full" or not own_steps:
+        return []
+    names = ", ".join(own_steps)
+    text = f"only the full model knows steps of your own ({names}); choose --model full"
+    return [Problem(f"--model {model}", text, "route", setting.scenario.route)]

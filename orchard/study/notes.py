@@ -1,0 +1,147 @@
+"""The notes of a study: what a reader must know beside the table, a sentence each."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from orchard.field.layout import Layout, lay_out
+from orchard.field.scenario import Scenario
+from orchard.report.bounds import Bounds
+from orchard.report.limits import full_bins
+from orchard.study.options import StudyOptions
+from orchard.study.replications import Replications
+from orchard.study.result import Model
+from orchard.study.words import counted
+
+# Keys on which it depends how much each picker has to pick.
+SHARES = frozenset({"rows", "pickers", "rows_to_pickers"})
+MOST_NAMED = 5  # settings that a note names
+
+
+@dataclass(frozen=True)
+class StudyNotes:
+    """Writes the notes of a study. Settings are numbers from 0, as in its replications."""
+
+    runs: Replications
+    model: Model
+    options: StudyOptions
+    varied: Mapping[str, Sequence[Any]]
+
+    # -- what the table lacks
+
+    def nothing_random(self) -> list[str]:
+        """Return that one run of each setting is enough, if no setting has chance in it."""
+        if any(setting.is_random for setting in self.runs.settings):
+            return []
+        return ["nothing in these settings is random, so one run of each stands for all seeds"]
+
+    def missing(self, settings: Sequence[int], was_stopped: bool) -> list[str]:
+        """Return which settings have no run, and why. `was_stopped`: whether by the user."""
+        if not settings:
+            return []
+        why = "the study was stopped before" if was_stopped else "there was no time for"
+        count = counted("settings", len(settings))
+        names = "; ".join(self.runs.settings[i].words for i in settings[:MOST_NAMED])
+        if len(settings) > MOST_NAMED:
+            names += " and others"
+        return [f"{why} a run of {count}, {names}: not in the table"]
+
+    def jammed(self, settings: Sequence[int]) -> list[str]:
+        """Return why each of these settings jams: by a fault of an own class, or the robots."""
+        notes = []
+        for i in settings:
+            faults = [record.faults for record in self.runs.known(i, self.model) if record.faults]
+            why = faults[0].splitlines()[0] if faults else "some robots wait for ever"
+            notes.append(f"{self._words(i)} jams: {why}")
+        return notes
+
+    def faulty(self, settings: Sequence[int]) -> list[str]:
+        """Return the first fault of each setting in which an own class failed.
+
+        Its figures are those of another rule.
+        """
+        notes = []
+        for i in settings:
+            records = [*self.runs.known(i, "fast"), *self.runs.known(i, "full")]
+            with_faults = [record for record in records if record.faults]
+            if with_faults:
+                first = with_faults[0]
+                notes.append(
+                    f"{self._words(i)}: {len(with_faults)} of {len(records)} runs had faults;"
+                    f" seed {first.seed}: {first.faults.splitlines()[0]}"
+                )
+        return notes
+
+    def damaged(self) -> list[str]:
+        """Return how many runs in the store could not be used."""
+        store = self.runs.store
+        if not store.damaged:
+            return []
+        first = next(iter(store.damaged.values()))
+        return [
+            f"{store.path}: {len(store.damaged)} of the runs in it were damaged, as by {first}:"
+            " they are done again"
+        ]
+
+    # -- what the figures do not say
+
+    def unequal(self, settings: Sequence[int]) -> list[str]:
+        """Return that pickers get unequal shares of the rows, if such shares vary.
+
+        The long run does not see it: there each picker has rows for ever.
+        """
+        is_seen = self.options.horizon == "harvest" or SHARES.isdisjoint(self.varied)
+        if is_seen:
+            return []
+        within = self.options.within
+        for i in settings:
+            if _has_unequal_shares(lay_out(self.runs.settings[i].scenario), within):
+                return [
+                    "some pickers get more rows than others, and only one harvest waits for the"
+                    " last one: --horizon harvest"
+                ]
+        return []
+
+    def row_ends(self, best: int) -> list[str]:
+        """Return what the drives to the ends of rows cost with the best setting."""
+        scenario = self.runs.settings[best].scenario
+        if scenario.bin_metres is None:
+            return []
+        share = Bounds(lay_out(scenario)).row_end_share
+        return [
+            f"drives to the ends of rows take {100 * share:.1f} % of a picker's time: exchanging"
+            " bins inside rows could gain no more"
+        ]
+
+    def part_full(self, scenario: Scenario) -> list[str]:
+        """Return that the bins of one harvest have less fruit than as many full ones."""
+        if self.options.horizon == "long" or scenario.bin_metres is None:
+            return []
+        layout = lay_out(scenario)
+        fruit = full_bins(layout)
+        if layout.bins <= (1.0 + self.options.within) * fruit:
+            return []
+        more = 100.0 * (layout.bins / fruit - 1.0)
+        return [
+            f"each picker's last bin may be part full: {layout.bins} bins have the fruit of"
+            f" {fruit:.1f}, so a full one costs {more:.1f} % more; bins an hour are full ones"
+        ]
+
+    def _words(self, i: int) -> str:
+        return self.runs.settings[i].words or "the scenario"
+
+
+def no_room(most: int) -> str:
+    """Return that an answer is the last number for another reason than that more gain nothing.
+
+    `most`: for how many carriers the orchard has room.
+    """
+    return f"the orchard has room for {counted('carriers', most)}, no more"
+
+
+def _has_unequal_shares(layout: Layout, within: float) -> bool:
+    """Whether a picker has more to pick than the mean, by what counts."""
+    metres = []
+    for block in layout.blocks.values():
+        metres.append(sum(layout.lane(row).length for row in block.rows))
+    return max(metres) * len(metres) > (1.0 + within) * sum(metres)

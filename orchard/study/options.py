@@ -1,0 +1,36 @@
+"""How a study is done: which runs it makes, what it looks for, and for how long."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from orchard.folders import runs_folder
+from orchard.study.result import Goal, Horizon, Models
+
+STORE = "studies.db"
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyOptions:
+    """How a study is done. The command `orchard study` has an option for each field."""
+
+    horizon: Horizon = "long"
+    # None: the least cost if the scenario has prices, else the most bins.
+    goal: Goal | None = None
+    confidence: float = 0.95
+    # As a share: a difference below it is worth nothing.
+    within: float = 0.02
+    budget_seconds: float = 300.0
+    model: Models = "both"
+    # How many processes work here; None: one per core.
+    workers: int | None = None
+    # The address of a scheduler of dask.distributed, which gets the runs instead.
+    scheduler: str | None = None
+    # None: studies.db in the folder of runs.
+    store: Path | None = None
+    # Whether what a store of another version holds is forgotten.
+    anew: bool = False
+
+    @property
+    def store_file(self) -> Path:
+        """The database in which the runs are kept."""
+        return self.store or runs_folder() / STORE

@@ -19,12 +19,15 @@ from orchard.plans.routes import ROUTES
 
 # Bins of each picker, from the one with fewest on, that are planned: none is left out for longer.
 AHEAD = 4
-# Ticks by which a plan must be better than that of `predictive`; if all bins get a carrier at once.
-GAIN, GAIN_OF_ORDER = (25.0, 100.0)
-WAIT = 0.02  # ticks of a plan's length for each tick that a picker waits
+# Ticks by which a plan must be better than that of `predictive`.
+GAIN = 25.0
+# The same if all bins get a carrier at once: then the choice is only which one leaves first.
+GAIN_OF_ORDER = 100.0
+# Ticks of a plan's length for each tick that a picker waits.
+WAIT = 0.02
 # Bins, the latest ones, that may be first.
 MOST = 5
-# Of which a decision takes 30 ms; of 50, it takes a second, and gains 1 %.
+# Pickers of which a decision takes 30 ms; of 50, it takes a second, and gains 1 %.
 MOST_PICKERS = 20
 
 
@@ -49,11 +52,10 @@ class Trip(NamedTuple):
 class RollingMemory(PredictiveMemory):
     """When bins are full, and what was decided."""
 
-    # Carrier under way.
+    # Carrier under way -> its trip.
     trips: dict[str, Trip] = {}
-    after: dict[
-        str, NextBin
-    ] = {}  # picker -> the bin after the one to which a carrier was sent, if roads are free
+    # Picker -> the bin after the one to which a carrier was sent, if roads are free.
+    after: dict[str, NextBin] = {}
 
 
 class Rolling(Predictive):
@@ -64,16 +66,14 @@ class Rolling(Predictive):
     Memory: type = RollingMemory
 
     def __init__(self, layout: Layout) -> None:
-        plans = (
-            layout.scenario.route in ROUTES
-            and len(layout.blocks) <= MOST_PICKERS
-            and not layout.is_picked_again
-        )
-        self.courses = courses_of(layout) if plans else {}  # of none: it decides as `predictive`
+        is_known = layout.scenario.route in ROUTES and not layout.is_picked_again
+        plans = is_known and len(layout.blocks) <= MOST_PICKERS
+        # Without courses it decides as `predictive`.
+        self.courses = courses_of(layout) if plans else {}
         self.starts = {}
         for picker, courses in self.courses.items():
             self.starts[picker] = NextBin(0, courses[0].job.ready)
-        # Of the queue, by the carriers' names.
+        # Carrier -> its line of the queue.
         self.lines = {}
         for start in layout.starts:
             if start.kind == "carrier":
@@ -88,36 +88,35 @@ class Rolling(Predictive):
     ) -> list[Assignment]:
         for report in bins:
             memory.note(now, report)
-        due, free, reported = (
-            self.due(bins, memory),
-            free_carriers(carriers),
-            self.reported(bins, memory),
-        )
-        if (
-            not due
-            or len(reported) < len(bins)
-            or any(carrier.name not in self.lines for carrier in free)
-        ):
+        due = self.due(bins, memory)
+        free = free_carriers(carriers)
+        reported = self.reported(bins, memory)
+        has_unknown_bins = len(reported) < len(bins)
+        has_unknown_carriers = any(carrier.name not in self.lines for carrier in free)
+        if not due or has_unknown_bins or has_unknown_carriers:
             return super().assign(now, bins, carriers, memory)
-        return self.orders(now, due, free, reported, memory) if free else []
+        if not free:
+            return []
+        return self.orders(now, due, free, reported, memory)
 
     def reported(self, bins: Sequence[BinReport], memory: RollingMemory) -> dict[str, NextBin]:
         """Return the bin of each picker that reports.
 
         One that is not expected there is left out.
         """
-        reported, expected = dict[str, NextBin](), self.starts | memory.after
+        reported = dict[str, NextBin]()
+        expected = self.starts | memory.after
         for report in bins:
             courses = self.courses.get(report.picker, [])
-            first = (
-                max(0, expected[report.picker].number - 1) if courses else 0
-            )  # it reports again if its carrier does not come
+            if not courses:
+                continue
+            # The bin before reports again if its carrier does not come.
+            first = max(0, expected[report.picker].number - 1)
             for number in range(first, len(courses)):
                 job = courses[number].job
                 if (job.lane, job.side) == (report.lane, report.side):
-                    reported.setdefault(
-                        report.picker, NextBin(number, memory.full[report.name] + job.clearing)
-                    )
+                    stop = memory.full[report.name] + job.clearing
+                    reported.setdefault(report.picker, NextBin(number, stop))
                     break
         return reported
 
@@ -132,24 +131,28 @@ class Rolling(Predictive):
         """Send each free carrier for the bin that is best, and remember it."""
         for carrier in free:
             memory.trips.pop(carrier.name, None)
-        plan, orders = self.plan(now, reported, memory), list[Assignment]()
+        plan = self.plan(now, reported, memory)
         plan.go_on({self.lines[carrier.name] for carrier in free})
+        orders = []
         for carrier in free[: len(due)]:
-            best = self.best(due, self.lines[carrier.name], plan)
+            line = self.lines[carrier.name]
+            best = self.best(due, line, plan)
             due.remove(best)
             orders.append(Assignment(best.name, carrier.name))
-            plan.send(best.picker, self.lines[carrier.name], now)
+            plan.send(best.picker, line, now)
             self.remember(Trip(best.picker, reported[best.picker], now), carrier.name, memory)
         return orders
 
     def remember(self, trip: Trip, carrier: str, memory: RollingMemory) -> None:
-        job, *following = (course.job for course in self.courses[trip.picker][trip.bin.number :])
-        stop, ready = (
-            max(trip.bin.stop, trip.sent + job.approach),
-            following[0].ready if following else 0,
-        )  # of no bin after the last one
+        """Remember that a carrier was sent, and when its picker will have the bin after that."""
+        courses = self.courses[trip.picker]
+        job = courses[trip.bin.number].job
+        stop = max(trip.bin.stop, trip.sent + job.approach)
+        following = trip.bin.number + 1
+        # After the last bin there is none to be ready.
+        ready = courses[following].job.ready if following < len(courses) else 0
         memory.trips[carrier] = trip
-        memory.after[trip.picker] = NextBin(trip.bin.number + 1, stop + job.going_on + ready)
+        memory.after[trip.picker] = NextBin(following, stop + job.going_on + ready)
 
     def plan(self, now: int, reported: dict[str, NextBin], memory: RollingMemory) -> RollOut:
         """Return where all robots are now, as far as can be known, and up to which bins
@@ -159,12 +162,13 @@ class Rolling(Predictive):
         plan = RollOut(self.courses, self.lines.values(), now, self.ends(expected))
         for carrier, trip in memory.trips.items():
             if trip.bin.number < expected[trip.picker].number:
-                plan.come_out(trip.picker, *trip.bin)
+                plan.come_out(trip.picker, trip.bin.number, trip.bin.stop)
                 plan.send(trip.picker, self.lines[carrier], trip.sent)
         under_way = {trip.picker for trip in memory.trips.values()}
-        for picker, one in expected.items():
-            if picker in reported or (picker not in under_way and one.number < plan.ends[picker]):
-                plan.come_out(picker, *one)
+        for picker, next_bin in expected.items():
+            is_planned = picker not in under_way and next_bin.number < plan.ends[picker]
+            if picker in reported or is_planned:
+                plan.come_out(picker, next_bin.number, next_bin.stop)
         plan.run(now)
         return plan
 
@@ -189,11 +193,11 @@ class Rolling(Predictive):
         ] or due
         if len(behind) == 1:
             return behind[0]
+        # The first one is the choice of `predictive`.
+        values = [self.value(behind[0], line, plan)]
         gain = GAIN if plan.home.total() < len(due) else GAIN_OF_ORDER
-        values = [
-            self.value(report, line, plan) + (gain if number else 0.0)
-            for number, report in enumerate(behind[:MOST])
-        ]
+        for report in behind[1:MOST]:
+            values.append(self.value(report, line, plan) + gain)
         return behind[values.index(min(values))]
 
     def value(self, report: BinReport, line: int, plan: RollOut) -> float:

@@ -21,10 +21,13 @@ from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.plans.jobs import TimedJob, Use, jobs_of
 
-ORDERED = 12  # ticks from a decision until the carrier leaves, on average
-MOVING_UP = 10  # ticks after which the carrier behind can leave
+# Ticks from a decision until the carrier leaves, on average.
+ORDERED = 12
+# Ticks after which the carrier behind can leave.
+MOVING_UP = 10
 # m from a carrier that leaves the bay to the next one, which is behind its bin.
 HEADWAY = 4.5
+# Ticks.
 EARLY = round(MARGIN / TIME_STEP)
 # In place of a line: a picker.
 AWAY = -1
@@ -34,11 +37,11 @@ class What(Enum):
     """What a robot does on its way."""
 
     # It gives a place back.
-    FREE = auto()
+    RELEASE = auto()
     # A carrier needs its picker to have come out of the row.
     MEET = auto()
-    # It waits until it has a place.
-    NEED = auto()
+    # It claims a place, and waits until it has it.
+    CLAIM = auto()
     # A carrier stops at the lane.
     STOP = auto()
     # It is out of its line: the next one can leave.
@@ -50,56 +53,56 @@ class What(Enum):
 class CourseEvent(NamedTuple):
     """Something that a robot does."""
 
-    # From the stop at the lane on.
+    # 0: the carrier's stop at the lane.
     tick: int
     what: What
     place: str = ""
 
 
 class JobCourse:
-    """The courses of the robots of a job."""
+    """The courses of the robots of a job: an exchange of bins.
+
+    `of_picker`: that of the picker. `of_carrier`: that of the carrier from each line of the queue.
+    """
 
     def __init__(self, job: TimedJob, headway: int) -> None:
         """`headway`: ticks from a carrier that leaves the bay to the next one there."""
-        out, lane, crossing = (
-            f"{job.picker} is out",
-            f"{job.side}/D/{job.lane}",
-            _events(job.crossings),
-        )
-        crossed = max(event.tick for event in crossing if event.what is What.NEED)
-        stop = min(event.tick for event in _events(job.way) if event.place == lane)
-        job_done = [
-            CourseEvent(stop, What.MEET, out),
+        is_out = f"{job.picker} is out"
+        lane = f"{job.side}/D/{job.lane}"
+        crossing = _events(job.crossings)
+        way = _events(job.way)
+        crossed = max(event.tick for event in crossing if event.what is What.CLAIM)
+        stop = min(event.tick for event in way if event.place == lane)
+        exchange = [
+            CourseEvent(stop, What.MEET, is_out),
             CourseEvent(0, What.STOP),
-            CourseEvent(job.to_bay, What.NEED, "bay"),
-        ]
-        job_done += [
-            CourseEvent(job.to_bay + job.in_bay + headway, What.FREE, "bay"),
+            CourseEvent(job.to_bay, What.CLAIM, "bay"),
+            CourseEvent(job.to_bay + job.in_bay + headway, What.RELEASE, "bay"),
             CourseEvent(job.to_bay + job.to_head, What.HOME),
         ]
         self.job = job
-        self.of_picker = _in_order([*crossing, CourseEvent(crossed + 1, What.FREE, out)])
-        self.of_carrier = []  # from each line
+        self.of_picker = _in_order([*crossing, CourseEvent(crossed + 1, What.RELEASE, is_out)])
+        self.of_carrier = []
         for approach, exits in job.exits:
-            left = min((round(use.at / TIME_STEP) for use in exits), default=-approach)
-            self.of_carrier.append(
-                _in_order(
-                    [*_events(exits), *_events(job.way), *job_done, CourseEvent(left, What.OUT)]
-                )
-            )
+            # A carrier that needs no place on its way out has left its line at once.
+            out_of_line = min((round(use.at / TIME_STEP) for use in exits), default=-approach)
+            leaving = [*_events(exits), CourseEvent(out_of_line, What.OUT)]
+            self.of_carrier.append(_in_order([*leaving, *way, *exchange]))
 
 
 def _events(uses: Sequence[Use]) -> list[CourseEvent]:
-    needs = []
-    frees = []
+    """Return that places are claimed, and then that they are given back."""
+    claims = []
+    releases = []
     for use in uses:
-        need = CourseEvent(round(use.at / TIME_STEP), What.NEED, use.place)
-        needs.append(need)
-        frees.append(CourseEvent(need.tick + use.ticks, What.FREE, use.place))
-    return needs + frees
+        tick = round(use.at / TIME_STEP)
+        claims.append(CourseEvent(tick, What.CLAIM, use.place))
+        releases.append(CourseEvent(tick + use.ticks, What.RELEASE, use.place))
+    return claims + releases
 
 
 def _in_order(events: Sequence[CourseEvent]) -> list[CourseEvent]:
+    """Return events by their ticks. At one tick places are given back first."""
     return sorted(events, key=lambda event: (event.tick, event.what.value))
 
 
@@ -122,9 +125,9 @@ class RobotUnderWay(NamedTuple):
 
     course: list[CourseEvent]
     picker: str
-    # Of the picker's bin, from 0.
+    # The number of the picker's bin, from 0.
     number: int
-    # Of the queue; AWAY: it is the picker.
+    # Its line of the queue; AWAY: it is the picker.
     line: int
 
 
@@ -146,30 +149,31 @@ class RollOut:
 
         Before the tick `now` no carrier leaves by the rule.
         """
-        self.courses, self.now, self.ends = courses, now, ends
+        self.courses = courses
+        self.now = now
+        self.ends = ends
         self.robots = list[RobotUnderWay]()
-        self.begun, self.done = (
-            list[int](),
-            list[int](),
-        )  # of each robot: the tick that is 0 on its course, and the events that are over
-        self.next = (
-            list[tuple[int, int]]()
-        )  # tick, and the robot that goes on then; or a line in which a carrier may leave, below 0
-        self.taken = dict[
-            str, list[int]
-            # Place -> the robots that wait for it; without a key it is free.
-        ]()
-        self.wanted = dict[
-            str, int
-            # Picker that needs a carrier -> tick from which on it can stop there.
-        ]()
+        # Of each robot, the tick that is 0 on its course.
+        self.begun = list[int]()
+        # Of each robot, how many events of its course are over.
+        self.done = list[int]()
+        # A heap of what goes on next: the tick, and the number of a robot from 0; or, below 0, a
+        # line from which a carrier may leave then (`_look`).
+        self.next = list[tuple[int, int]]()
+        # Place -> the robots that wait for it. A place without a key is free.
+        self.taken = dict[str, list[int]]()
+        # Picker that needs a carrier -> tick from which on one can stop there.
+        self.wanted = dict[str, int]()
         # Picker -> its bin with which it came out last.
         self.number = dict.fromkeys(courses, -1)
-        self.home = Counter(lines)  # line -> the carriers in it
-        self.is_open = dict.fromkeys(self.home, True)  # line -> whether the first of them can leave
-        self.end = self.waited = (
-            0  # tick at which the last carrier is home; ticks for which pickers wait
-        )
+        # Line -> how many carriers are in it.
+        self.home = Counter(lines)
+        # Line -> whether the first of them can leave.
+        self.is_open = dict.fromkeys(self.home, True)
+        # Tick at which the last carrier is home.
+        self.end = 0
+        # Ticks for which pickers wait, all together.
+        self.waited = 0
 
     def fork(self) -> "RollOut":
         """Return a copy that goes on by itself."""
@@ -185,39 +189,42 @@ class RollOut:
         """Let a picker come out of its row with a bin, so that a carrier can stop there from a tick
         on.
         """
-        self.wanted[picker], self.number[picker] = stop, number
+        self.wanted[picker] = stop
+        self.number[picker] = number
+        # A carrier that meets the picker waits until the picker is out.
         self.taken[f"{picker} is out"] = []
-        self._begin(
-            RobotUnderWay(self.courses[picker][number].of_picker, picker, number, AWAY), stop
-        )
+        course = self.courses[picker][number].of_picker
+        self._begin(RobotUnderWay(course, picker, number, AWAY), stop)
 
     def send(self, picker: str, line: int, tick: int) -> None:
         """Decide at a tick that the carrier at the head of a line leaves for a picker."""
         number = self.number[picker]
-        course = self.courses[picker][number]
+        job_course = self.courses[picker][number]
+        approach, _ = job_course.job.exits[line]
+        # The picker waits from the tick at which a carrier can stop, up to that at which one does.
         self.waited -= self.wanted.pop(picker)
         self.home[line] -= 1
         self.is_open[line] = False
-        self._begin(
-            RobotUnderWay(course.of_carrier[line], picker, number, line),
-            tick + ORDERED + course.job.exits[line][0],
-        )
+        robot = RobotUnderWay(job_course.of_carrier[line], picker, number, line)
+        self._begin(robot, tick + ORDERED + approach)
 
     def go_on(self, free: Collection[int]) -> None:
         """Let carriers leave from now on. `free`: the lines in which the first one can leave."""
         for line in self.home:
             self.is_open[line] |= line in free
             self._look(self.now, line)
-        self.end = self.waited = 0
+        self.end = 0
+        self.waited = 0
 
     @property
     def is_over(self) -> bool:
         """Whether all bins were fetched; if not, robots wait for each other."""
-        return not self.wanted and all(
-            self.number[picker] + 1 >= end for picker, end in self.ends.items()
-        )
+        if self.wanted:
+            return False
+        return all(self.number[picker] + 1 >= end for picker, end in self.ends.items())
 
     def _begin(self, robot: RobotUnderWay, tick: int) -> None:
+        """Let a robot begin its course. `tick`: the one that is 0 on it."""
         heappush(self.next, (tick + robot.course[0].tick, len(self.robots)))
         self.robots.append(robot)
         self.begun.append(tick)
@@ -234,45 +241,57 @@ class RollOut:
 
     def _drive(self, number: int, tick: int, until: float) -> None:
         """Let a robot do what it can before others do something, or the roll-out ends."""
-        robot, begun, taken = self.robots[number], self.begun[number], self.taken
+        robot = self.robots[number]
+        begun = self.begun[number]
+        taken = self.taken
         for at, what, place in robot.course[self.done[number] :]:
             if begun + at > tick:
                 tick = begun + at
-                if tick >= until or (self.next and tick >= self.next[0][0]):
-                    return heappush(self.next, (tick, number))
+                others_are_first = self.next and tick >= self.next[0][0]
+                if tick >= until or others_are_first:
+                    heappush(self.next, (tick, number))
+                    return
             self.done[number] += 1
-            if what is What.FREE:
+            if what is What.RELEASE:
                 self._give_back(place, tick)
-            elif what is What.NEED or what is What.MEET:
+            elif what is What.CLAIM or what is What.MEET:
                 if place in taken:
-                    return taken[place].append(number)
+                    taken[place].append(number)
+                    return
                 taken[place] = []
             elif what is What.STOP:
                 self._stop(robot, tick)
             else:
                 self._in_line(robot.line, what, tick)
-        return None
 
     def _give_back(self, place: str, tick: int) -> None:
-        """Give a place to the robot that has waited for longest."""
-        if waiting := self.taken.get(place):
-            number = waiting.pop(0)
-            self.begun[number] = tick - self.robots[number].course[self.done[number] - 1].tick
-            heappush(self.next, (tick, number))
-        else:
+        """Give a place to the robot that has waited for longest.
+
+        The rest of its course is as much later as it has waited.
+        """
+        waiting = self.taken.get(place)
+        if not waiting:
             self.taken.pop(place, None)
+            return
+        number = waiting.pop(0)
+        claim = self.robots[number].course[self.done[number] - 1]
+        self.begun[number] = tick - claim.tick
+        heappush(self.next, (tick, number))
 
     def _stop(self, robot: RobotUnderWay, tick: int) -> None:
-        """Let the picker go on with the empty bin."""
+        """Let the picker of a carrier that stops go on with the empty bin."""
         self.waited += tick
-        picker, number = robot.picker, robot.number + 1
-        if self.number[picker] < number < self.ends[picker]:
-            job, after = self.courses[picker][robot.number].job, self.courses[picker][number].job
-            self.come_out(picker, number, tick + job.going_on + after.ready)
+        picker = robot.picker
+        following = robot.number + 1
+        if self.number[picker] < following < self.ends[picker]:
+            job = self.courses[picker][robot.number].job
+            job_after = self.courses[picker][following].job
+            self.come_out(picker, following, tick + job.going_on + job_after.ready)
             for line in self.home:
                 self._look(max(tick, self._due(picker)), line)
 
     def _in_line(self, line: int, what: What, tick: int) -> None:
+        """Let a carrier come home to its line, or leave the head of it to the next one."""
         if what is What.HOME:
             self.home[line] += 1
             self.end = max(self.end, tick)
@@ -289,11 +308,14 @@ class RollOut:
         heappush(self.next, (tick, line - len(self.home)))
 
     def _due(self, picker: str) -> int:
-        return self.wanted[picker] - self.courses[picker][self.number[picker]].job.approach - EARLY
+        """Return the tick at which it is time for a carrier to leave for a picker."""
+        job = self.courses[picker][self.number[picker]].job
+        return self.wanted[picker] - job.approach - EARLY
 
     def _leave(self, tick: int, line: int) -> None:
         """Let the first carrier of a line leave, once it is time for a bin."""
-        if tick < self.now or not self.wanted or not self.is_open[line] or not self.home[line]:
+        can_leave = self.is_open[line] and self.home[line] > 0
+        if tick < self.now or not self.wanted or not can_leave:
             return
         due, picker = min(zip(map(self._due, self.wanted), self.wanted, strict=True))
         if due > tick:

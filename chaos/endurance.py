@@ -22,14 +22,12 @@ from orchard.wire.messages import Figures, read
 TICKS = 100_000
 WARM_UP = 20_000  # ticks, after which all one-time allocations are done
 EVERY = 5_000  # ticks between two samples
-MOST_GROWTH = (
-    0.05  # relative growth of the memory, from the end of the warm-up to the end of the run
-)
+# The relative growth of the memory, from the end of the warm-up to the end of the run.
+MOST_GROWTH = 0.05
 SILENCE_SECONDS = 120.0  # without figures; after that the run counts as hung
 MEGABYTE = 1e6
-LONG = Scenario(
-    rows=6, pickers=2, carriers=2, picking_speed=0.02
-)  # three rows for each picker, an hour a row: more than 100,000 ticks
+# Three rows for each picker, an hour a row: more than 100,000 ticks.
+LONG = Scenario(rows=6, pickers=2, carriers=2, picking_speed=0.02)
 
 Say = Callable[[int, str], None]  # (tick, mode)
 
@@ -51,10 +49,10 @@ class MemorySeries(NamedTuple):
     @property
     def growth(self) -> float:
         """The relative growth of the memory along a fitted straight line: 0.05 is five per cent."""
-        slope = linear_regression(
-            [sample.tick for sample in self.samples], [sample.megabytes for sample in self.samples]
-        ).slope
-        return slope * (self.samples[-1].tick - self.samples[0].tick) / self.samples[0].megabytes
+        ticks = [sample.tick for sample in self.samples]
+        megabytes = [sample.megabytes for sample in self.samples]
+        slope = linear_regression(ticks, megabytes).slope
+        return slope * (ticks[-1] - ticks[0]) / megabytes[0]
 
     @property
     def more_handles(self) -> int:
@@ -64,10 +62,8 @@ class MemorySeries(NamedTuple):
         does not matter.
         """
         middle = len(self.samples) // 2
-        earlier, later = (
-            min(sample.handles for sample in part)
-            for part in (self.samples[:middle], self.samples[middle:])
-        )
+        earlier = min(sample.handles for sample in self.samples[:middle])
+        later = min(sample.handles for sample in self.samples[middle:])
         return later - earlier
 
     @property
@@ -104,13 +100,12 @@ def series_of(moments: Iterator[tuple[int, Mapping[str, psutil.Process]]]) -> li
 
     Return a series for each name.
     """
-    found: dict[str, list[MemorySample]] = defaultdict(list)
+    by_name: dict[str, list[MemorySample]] = defaultdict(list)
     for tick, processes in moments:
         for name, process in processes.items():
-            found[name].append(
-                MemorySample(tick, process.memory_info().rss / MEGABYTE, process.num_fds())
-            )
-    return [MemorySeries(name, samples) for name, samples in found.items()]
+            megabytes = process.memory_info().rss / MEGABYTE
+            by_name[name].append(MemorySample(tick, megabytes, process.num_fds()))
+    return [MemorySeries(name, samples) for name, samples in by_name.items()]
 
 
 def _lockstep(say: Say, ticks: int) -> Iterator[tuple[int, Mapping[str, psutil.Process]]]:
@@ -130,11 +125,10 @@ def _lockstep(say: Say, ticks: int) -> Iterator[tuple[int, Mapping[str, psutil.P
             say(tick, "lockstep, 2 hosts")
             if tick >= WARM_UP:
                 (physics,) = harvest.processes("physics")
-                hosts = harvest.processes("agents")
-                yield (
-                    tick,
-                    {"physics": physics} | {f"host {i + 1}": host for i, host in enumerate(hosts)},
-                )
+                sampled = {"physics": physics}
+                for number, host in enumerate(harvest.processes("agents"), start=1):
+                    sampled[f"host {number}"] = host
+                yield tick, sampled
     harvest.tidy()
 
 

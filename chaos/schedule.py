@@ -3,6 +3,7 @@
 Times are ticks, as received on the key `clock`.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from random import Random
 from typing import NamedTuple
@@ -31,14 +32,16 @@ TORN = "cache torn"
 PORT = "port taken"
 MISTAKES = "own agent's mistakes"
 MORTAL = (KILL, TERMINATE, INTERRUPT, FREEZE)  # kinds that may end a process
-DEATHS_OF_PHYSICS = {TORN: 1, PORT: 4}  # it dies, and then as often as its port is taken
+# Kinds by which physics dies -> how often: with a taken port, once more for each start in vain.
+DEATHS_OF_PHYSICS = {TORN: 1, PORT: 4}
+# Kinds that last for a time -> least and most, s of wall time.
 LASTS = {
     FREEZE: (0.2, 5.0),
     STALL: (0.2, 5.0),
     DELAY: (1.0, 4.0),
     FULL: (1.0, 8.0),
     PORT: (0.5, 3.0),
-}  # s of wall time: least and most
+}
 ROUTER_AWAY = (0.2, 3.0)  # s, from the death of the router until it is started again
 # Of one process in a run; run.py gives up after five deaths in a row, and it may also kill a frozen
 # process.
@@ -74,9 +77,8 @@ AT_A_ROUTER = (
     (DELAY, LINK),
 )
 AT_PHYSICS = ((PORT, NOTHING),)
-IN_TURN = tuple(
-    dict.fromkeys(AT_PHYSICS + ANYWHERE + AT_A_ROUTER)
-)  # one of them for each run, so that a soak of ten minutes has them all
+# One of them for each run, so that a soak of ten minutes has them all.
+IN_TURN = tuple(dict.fromkeys(AT_PHYSICS + ANYWHERE + AT_A_ROUTER))
 
 
 class Fault(NamedTuple):
@@ -130,17 +132,17 @@ def trial(seed: int, number: int) -> Trial:
     mode = "realtime" if number % 4 == 3 else "lockstep"
     seconds = None if number % 6 == 5 else random.choice(SECONDS)
     speed = _speed(random, mode, seconds)
-    hosts = random.choice(("1", "2", "2", "3", "4", "each" if seconds in SECONDS[:2] else "2"))
-    due = IN_TURN[(number + number // len(IN_TURN)) % len(IN_TURN)]  # not always in the same mode
+    is_short = seconds in SECONDS[:2]
+    hosts = random.choice(("1", "2", "2", "3", "4", "each" if is_short else "2"))
+    # Each round begins one fault later, so that a fault is not always in the same mode.
+    rounds = number // len(IN_TURN)
+    due = IN_TURN[(number + rounds) % len(IN_TURN)]
     is_recorded = due[1] == LOGGER or random.random() < 0.5
     is_routed = due in AT_A_ROUTER or (due not in AT_PHYSICS and random.random() < 0.6)
     ticks = WHOLE_HARVEST if seconds is None else round(seconds / TIME_STEP)
     orchard = random.randint(1, SEEDS)
-    possible = [
-        (kind, target)
-        for kind, target in ANYWHERE + (AT_A_ROUTER if is_routed else AT_PHYSICS)
-        if target != LOGGER or is_recorded
-    ]
+    here = ANYWHERE + (AT_A_ROUTER if is_routed else AT_PHYSICS)
+    possible = [fault for fault in here if fault[1] != LOGGER or is_recorded]
     faults = _faults(random, ticks, due, possible)
     return Trial(seed, number, orchard, mode, speed, seconds, hosts, is_recorded, is_routed, faults)
 
@@ -157,18 +159,18 @@ def _speed(random: Random, mode: str, seconds: int | None) -> str:
 def _faults(
     random: Random, ticks: int, due: tuple[str, str], possible: list[tuple[str, str]]
 ) -> tuple[Fault, ...]:
-    """At most 7 faults, one of them `due`, in the order of their ticks; some begin at the same
-    tick.
+    """Return at most 7 faults, in the order of their ticks. Some begin at the same tick.
+
+    `due`: the kind and target of one of them. `possible`: those of the others.
     """
     faults: list[Fault] = []
     for i in range(random.randint(3, 7)):
         kind, target = random.choice(possible) if i else due
         is_simultaneous = faults and random.random() < 0.2
-        tick = (
-            faults[-1].tick
-            if is_simultaneous
-            else random.randint(round(FIRST * ticks), round(LAST * ticks))
-        )
+        if is_simultaneous:
+            tick = faults[-1].tick
+        else:
+            tick = random.randint(round(FIRST * ticks), round(LAST * ticks))
         if target == ROUTER:
             seconds = random.uniform(*ROUTER_AWAY)
         elif kind in LASTS:
@@ -182,7 +184,10 @@ def _faults(
 
 
 def most_deaths(faults: Sequence[Fault]) -> int:
-    """The most restarts that these faults may cause for one process."""
-    targets = [fault.target for fault in faults if fault.kind in MORTAL]
-    targets += [PHYSICS for fault in faults for _ in range(DEATHS_OF_PHYSICS.get(fault.kind, 0))]
-    return targets.count(ALL) + max(targets.count(target) for target in (PHYSICS, HOST, LOGGER))
+    """Return the most restarts that these faults may cause for one process."""
+    deaths = Counter[str]()
+    for fault in faults:
+        if fault.kind in MORTAL:
+            deaths[fault.target] += 1
+        deaths[PHYSICS] += DEATHS_OF_PHYSICS.get(fault.kind, 0)
+    return deaths[ALL] + max(deaths[target] for target in (PHYSICS, HOST, LOGGER))

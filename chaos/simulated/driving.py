@@ -31,10 +31,14 @@ class Driving:
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
-        self._wanted: dict[str, list[Deed]] = {}  # robot -> the deeds that came since the last step
-        self._wanted_before: set[str] = set()  # robots with deeds that came before the step before
-        self._in_vain: dict[str, int] = {}  # robot -> steps in which it asked for deeds in vain
-        self._advised: dict[str, dict[Twist, int]] = {}  # robot -> velocity -> its newest tick
+        # Robot -> the deeds that came since the last step.
+        self._wanted: dict[str, list[Deed]] = {}
+        # Robots with deeds that came between the two steps before.
+        self._wanted_before: set[str] = set()
+        # Robot -> steps in turn in which it asked for deeds in vain.
+        self._in_vain: dict[str, int] = {}
+        # Robot -> velocity -> the newest tick at which it was advised.
+        self._advised: dict[str, dict[Twist, int]] = {}
         self.complaints: list[str] = []
 
     def hear(self, key: str, payload: bytes) -> None:
@@ -66,13 +70,14 @@ class Driving:
         """Complain about a robot whose deeds are neither done nor refused, and about one that does
         what it is not asked for: it may do a deed once.
         """
-        heard = {event.who for event in events if event.what in DONE or event.what == REFUSED}
-        for name in sorted(heard - self._wanted.keys() - self._wanted_before):
+        served = {event.who for event in events if event.what in DONE or event.what == REFUSED}
+        for name in sorted(served - self._wanted.keys() - self._wanted_before):
             yield f"{name} does a deed that was not asked for: tick {tick}"
         for name in self._wanted:
-            may_act = self._may_act(name)
-            count = self._in_vain.get(name, 0) + 1
-            self._in_vain[name] = 0 if name in heard or not may_act else count
+            if name in served or not self._may_act(name):
+                self._in_vain[name] = 0
+                continue
+            self._in_vain[name] = self._in_vain.get(name, 0) + 1
             if self._in_vain[name] >= PATIENCE:
                 yield f"{name} asks for deeds in vain: tick {tick}"
 

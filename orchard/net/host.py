@@ -55,12 +55,10 @@ GONE_SECONDS = 20.0
 WARN_SECONDS = 1.0
 JOIN_TRIES = 50  # 5 s in all: the network may learn of a token later than of a join
 TAKEN_TRIES = 30  # 3 s in all: a predecessor that was cut off counts as alive for bus.LEASE_MS
-
-
-# s after an answer, from which on a tick that comes again was sent without knowing the answer.
+# A tick that comes again so many s after its answer was sent without knowing the answer.
 ANSWER_AGAIN_SECONDS = 0.25
-# Messages in turn of ticks that are past, after which the newest tick was none of physics: it has
-# changed on its way.
+# After so many messages of past ticks in turn the newest tick was false: its number has changed on
+# its way.
 MOST_PAST = 3
 
 

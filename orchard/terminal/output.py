@@ -3,7 +3,7 @@
 import errno
 import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -94,12 +94,17 @@ def print_error(text: object) -> None:
 
 def print_result(*parts: Any) -> None:
     """Print texts and tables on stdout; on stderr if stdout has lost some, as its disk is full."""
-    for output in (console, errors):
-        for part in parts:
-            output.print(part, markup=False, soft_wrap=isinstance(part, str))
-        if not output.has_lost:
-            console.is_repeated = console.has_lost
-            return
+    _print_all(console, parts)
+    if console.has_lost:
+        _print_all(errors, parts)
+        if not errors.has_lost:
+            console.is_repeated = True
+
+
+def _print_all(output: Output, parts: Iterable[Any]) -> None:
+    """Print texts and tables. A terminal wraps texts."""
+    for part in parts:
+        output.print(part, markup=False, soft_wrap=isinstance(part, str))
 
 
 def is_answer_lost() -> bool:

@@ -75,15 +75,15 @@ def recorded(tmp_path_factory):
 
 
 def read(file):
-    found = {}
+    """Return what a bag holds: topic -> (tick, message) of each message."""
+    by_topic = {}
     with AnyReader([file]) as reader:
         for connection, stamp, data in reader.messages():
             tick, rest = divmod(stamp, NANOSECONDS)
             assert rest == 0
-            found.setdefault(connection.topic, []).append(
-                (tick, reader.deserialize(data, connection.msgtype))
-            )
-    return found
+            message = reader.deserialize(data, connection.msgtype)
+            by_topic.setdefault(connection.topic, []).append((tick, message))
+    return by_topic
 
 
 @pytest.fixture(scope="module")
@@ -101,9 +101,10 @@ def test_the_velocities_in_a_bag_have_the_bits_of_the_run(recorded, exported):
         assert [*odometry] == [*range(TICKS + 1)] and [*commands] == [*range(TICKS)]
         for tick, (poses, twists, wanted) in recorded[1].items():
             twist = odometry[tick].twist.twist
-            told = commands[tick - 1].twist
+            commanded = commands[tick - 1].twist
             assert (twist.linear.x, twist.linear.y, twist.angular.z) == tuple(twists[index[name]])
-            assert (told.linear.x, told.linear.y, told.angular.z) == tuple(wanted[index[name]])
+            velocity = (commanded.linear.x, commanded.linear.y, commanded.angular.z)
+            assert velocity == tuple(wanted[index[name]])
             pose = odometry[tick].pose.pose
             assert (pose.position.x, pose.position.y) == pytest.approx(
                 poses[index[name], :2], abs=1e-5
@@ -116,15 +117,13 @@ def test_the_velocities_in_a_bag_have_the_bits_of_the_run(recorded, exported):
 def test_a_bag_has_the_clock_the_frames_and_what_never_changes(exported):
     assert [tick for tick, _ in exported["/clock"]] == [*range(TICKS + 1)]
     for tick, message in exported["/tf"]:
-        assert [one.child_frame_id for one in message.transforms] == [
-            f"{name}/base_link" for name in ROBOTS
-        ]
-        assert all(
-            one.header.stamp.sec * 10 + one.header.stamp.nanosec // NANOSECONDS == tick
-            for one in message.transforms
-        )
+        frames = [transform.child_frame_id for transform in message.transforms]
+        assert frames == [f"{name}/base_link" for name in ROBOTS]
+        for transform in message.transforms:
+            stamp = transform.header.stamp
+            assert stamp.sec * 10 + stamp.nanosec // NANOSECONDS == tick
     ((_, fixed),) = exported["/tf_static"]
-    assert [one.child_frame_id for one in fixed.transforms] == [
+    assert [transform.child_frame_id for transform in fixed.transforms] == [
         f"{name}/{frame}" for name in ROBOTS for frame in ("odom", "laser")
     ]
     ((_, map_),) = exported["/map"]
@@ -255,12 +254,9 @@ def test_the_command_writes_a_bag_and_says_what_is_in_it(recorded, tmp_path):
 
 
 def test_a_bag_without_the_packages_of_its_extra_is_told(recorded, tmp_path, monkeypatch, capsys):
-    for name in [
-        name
-        for name in sys.modules
-        if name.startswith(("rosbags", "orchard.bags", "orchard.launch.replayed"))
-    ]:
-        monkeypatch.delitem(sys.modules, name)
+    for name in list(sys.modules):
+        if name.startswith(("rosbags", "orchard.bags", "orchard.launch.replayed")):
+            monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "rosbags", None)
     with pytest.raises(SystemExit) as end:
         app(["export", str(recorded[0]), "--mcap", str(tmp_path / "run.mcap")])
@@ -300,9 +296,10 @@ def driven(commands: Commands, ticks: int = TICKS) -> Local:
     return played(Local(SMALL, replayed(make_agents(LAYOUT), commands)), ticks)
 
 
-def written(path: Path, *told: tuple[topics.Topic, str, int, messages.Message]) -> Path:
+def written(path: Path, *rows: tuple[topics.Topic, str, int, messages.Message]) -> Path:
+    """Write a bag of messages: topic, robot, tick and message of each."""
     with Bag(path) as bag:
-        for topic, robot, tick, message in told:
+        for topic, robot, tick, message in rows:
             bag.write(topic, robot, tick, message)
     return path
 
@@ -316,10 +313,12 @@ def test_a_bag_gives_the_hash_of_its_run_again(bag):
 
 def test_the_velocities_of_a_bag_count_not_the_agents(bag):
     """The velocities of a bag count and not those of the agent."""
-    known = {tick: Twist(0.25) for tick in range(10, 20)}
-    local = driven(Commands(None, {"picker_01": known}), 20)
-    others = driven(Commands(None, {}), 10)
-    before, after = (one.engine.world.pose[LAYOUT.index["picker_01"], 0] for one in (others, local))
+    in_the_bag = {tick: Twist(0.25) for tick in range(10, 20)}
+    until_then = driven(Commands(None, {}), 10)
+    with_the_bag = driven(Commands(None, {"picker_01": in_the_bag}), 20)
+    picker = LAYOUT.index["picker_01"]
+    before = until_then.engine.world.pose[picker, 0]
+    after = with_the_bag.engine.world.pose[picker, 0]
     assert after - before == pytest.approx(10 * 0.025, abs=1e-9)
 
 
@@ -375,15 +374,15 @@ TODAY = 17_642_900_000  # the tick of a wall clock: seconds since 1970 times ten
 
 def recorded_today(path: Path, kind: str, robots: tuple[str, ...] = ("picker_01",)) -> Path:
     """Write 20 velocities of each robot as a user records them with ROS 2: by the wall clock."""
-    told = []
+    rows = []
     for tick in range(TODAY, TODAY + 20):
         for robot in robots:
             if kind == "Twist":
-                told.append((topics.CMD_VEL_UNSTAMPED, robot, tick, messages.twist(0.25, 0.0, 0.0)))
+                rows.append((topics.CMD_VEL_UNSTAMPED, robot, tick, messages.twist(0.25, 0.0, 0.0)))
             else:
                 velocity = messages.velocity(robot, tick, 0.25, 0.0)
-                told.append((topics.CMD_VEL, robot, tick, velocity))
-    return written(path, *told)
+                rows.append((topics.CMD_VEL, robot, tick, velocity))
+    return written(path, *rows)
 
 
 @pytest.mark.parametrize("kind", ["Twist", "TwistStamped"])
@@ -397,15 +396,11 @@ def test_a_bag_of_the_wall_clock_can_begin_at_its_first_stamp(tmp_path, kind):
 def test_the_first_stamp_of_all_robots_is_the_beginning(tmp_path):
     later = messages.velocity("picker_02", TODAY + 4, 0.25, 0.0)
     later.fields["header"].fields["stamp"].fields["nanosec"] += 1
+    first = messages.velocity("picker_01", TODAY + 1, 0.25, 0.0)
     path = written(
         tmp_path / "run.mcap",
         (topics.CMD_VEL, "picker_02", TODAY + 4, later),
-        (
-            topics.CMD_VEL,
-            "picker_01",
-            TODAY + 1,
-            messages.velocity("picker_01", TODAY + 1, 0.25, 0.0),
-        ),
+        (topics.CMD_VEL, "picker_01", TODAY + 1, first),
     )
     ticks = read_commands(path, from_first_stamp=True).ticks
     assert ticks == {"picker_01": [0], "picker_02": [4]}
@@ -550,7 +545,8 @@ def test_code_named_in_a_bag_is_imported_only_if_asked(tmp_path, key, value, nam
     )
     assert refused.stderr == f"{wanted}, a SCENARIO.yaml replaces it\n"
     assert "cannot be used: ModuleNotFoundError: No module named 'nowhere'" in asked.stderr
-    if key == "dispatch":  # what the user names is the user's
+    if key == "dispatch":
+        # A policy that the user names replaces that of the bag.
         orchard(*replay, "--dispatch", "nearest")
 
 

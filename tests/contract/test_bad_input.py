@@ -86,7 +86,8 @@ def test_random_bytes_on_every_key_change_nothing(fleet, running, undisturbed):
     assert refused["malformed"] > 30, refused
 
 
-def test_who_pretends_to_be_physics_and_leaves_is_not_missed(fleet, running, undisturbed):
+def test_a_client_that_pretends_to_be_physics_is_not_missed(fleet, running, undisturbed):
+    """A client declares a token like that of physics, and takes it back."""
     someone, _, logger = running
     someone.declare("orchard/alive/physics/another/one").undeclare()
     assert undisturbed in wait_for_the_end(fleet, logger)[0]

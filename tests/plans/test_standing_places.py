@@ -44,9 +44,13 @@ def swept(shape: np.ndarray, x: float, y: float, start: float, turn: float) -> n
     return np.stack([x + c * px - s * py, y + s * px + c * py], axis=-1).reshape(-1, 2)
 
 
-def gap(one: np.ndarray, other: np.ndarray) -> float:
-    most = least(one[::20], other[::20])
-    return least(facing(one, other, most), facing(other, one, most))
+def gap(points: np.ndarray, others: np.ndarray) -> float:
+    """Return the least distance between points of two sets, m.
+
+    A sample of both tells how far it is at most. So all points need not be compared.
+    """
+    most = least(points[::20], others[::20])
+    return least(facing(points, others, most), facing(others, points, most))
 
 
 def facing(points: np.ndarray, others: np.ndarray, most: float) -> np.ndarray:
@@ -56,8 +60,9 @@ def facing(points: np.ndarray, others: np.ndarray, most: float) -> np.ndarray:
     return points[np.hypot(*(points - centre).T) <= radius + most]
 
 
-def least(one: np.ndarray, other: np.ndarray) -> float:
-    return float(min(np.hypot(*(other - point).T).min() for point in one))
+def least(points: np.ndarray, others: np.ndarray) -> float:
+    """Return the least distance between points of two sets, m, by comparing all of them."""
+    return float(min(np.hypot(*(others - point).T).min() for point in points))
 
 
 def test_what_turns_sweep_is_what_the_plan_says():
@@ -96,7 +101,10 @@ def test_a_carrier_with_the_full_bin_stays_off_deliveries():
     assert turn[:, 0].max() < D_ROAD - 0.75 - 0.1
 
 
-LEAST_GAP = 0.01  # m; a float32 of a range is exact to a micrometre
+# m; a float32 of a range is exact to a micrometre.
+LEAST_GAP = 0.01
+# m: nearer than this counts as the same.
+SAME = 1e-6
 
 
 def may_meet(drive: Area, stand: Area) -> bool:
@@ -109,41 +117,51 @@ def may_meet(drive: Area, stand: Area) -> bool:
     """
     if drive.robot == stand.robot or drive.places & stand.places or follows(drive, stand):
         return False
-    if any(abs(stand.x - box.x) < 1e-6 and abs(stand.y - box.y) < 1e-6 for box in drive.blind_to):
-        return False
-    of_picker, of_job = (drive, stand) if drive.robot == drive.picker else (stand, drive)
-    return not (
-        of_picker.robot == of_picker.picker == of_job.picker and of_picker.stage < of_job.stage
-    )
+    for box in drive.blind_to:
+        if abs(stand.x - box.x) < SAME and abs(stand.y - box.y) < SAME:
+            return False
+    if is_of_picker(drive):
+        return not is_before(drive, stand)
+    return not (is_of_picker(stand) and is_before(stand, drive))
+
+
+def is_of_picker(area: Area) -> bool:
+    """Whether it is an area of a picker, and not of a carrier that works for one."""
+    return area.robot == area.picker
+
+
+def is_before(of_picker: Area, of_job: Area) -> bool:
+    """Whether a picker is there before the job of a carrier for that picker begins."""
+    return of_picker.picker == of_job.picker and of_picker.stage < of_job.stage
 
 
 def follows(drive: Area, stand: Area) -> bool:
     """Whether the other carrier stands on the same road, straight ahead or round the next
     corner.
     """
-    if (
-        "" in (stand.heading, drive.heading)
-        or drive.robot == drive.picker
-        or stand.robot == stand.picker
-    ):
+    has_headings = bool(stand.heading) and bool(drive.heading)
+    if not has_headings or is_of_picker(drive) or is_of_picker(stand):
         return False
-    along_x = stand.heading in ("EAST", "WEST")
-    on_the_way = abs(stand.y - drive.end[1]) if along_x else abs(stand.x - drive.end[0])
-    return on_the_way < 1e-6
+    end_x, end_y = drive.end
+    if is_along_x(stand):
+        return abs(stand.y - end_y) < SAME
+    return abs(stand.x - end_x) < SAME
+
+
+def is_along_x(area: Area) -> bool:
+    """Whether a robot stands there along a road that leads east and west."""
+    return area.heading in ("EAST", "WEST")
 
 
 def too_near(layout: Layout) -> list[tuple[Area, Area]]:
+    """Return each drive with each robot or bin that may stand nearer to it than LEAST_GAP."""
     walks = list(walks_of(layout))
     drives = [area for walk in walks for area in walk.drives]
     stands = [area for walk in walks for area in walk.stands]
-    a, b = (
-        np.array([area[:4] for area in drives]).T[..., None],
-        np.array([area[:4] for area in stands]).T[:, None],
-    )
-    along_x, along_y = (
-        np.abs(a[axis] - b[axis]) - a[axis + 2] - b[axis + 2] < LEAST_GAP for axis in (0, 1)
-    )
-    near = np.argwhere(along_x & along_y)
+    driven = np.array([area[:4] for area in drives])[:, None]
+    standing = np.array([area[:4] for area in stands])[None]
+    apart = np.abs(driven[..., :2] - standing[..., :2]) - driven[..., 2:] - standing[..., 2:]
+    near = np.argwhere((apart < LEAST_GAP).all(axis=-1))
     return [(drives[i], stands[j]) for i, j in near if may_meet(drives[i], stands[j])]
 
 
@@ -154,53 +172,69 @@ def is_on_its_road(turn: Area, heading: str, stand: Area) -> bool:
     There it sees the other one only if that is in the way of its own drive to the turn: what stands
     beside it is behind its laser.
     """
-    along_x = stand.heading in ("EAST", "WEST")
-    aside, ahead = (
-        (abs(stand.y - turn.y), abs(stand.x - turn.x))
-        if along_x
-        else (abs(stand.x - turn.x), abs(stand.y - turn.y))
-    )
-    half = stand.half_x if along_x else stand.half_y
-    is_seen = (
-        stand.heading == turn.heading or ahead - half < KINDS["carrier"].width / 2 + SIDE_MARGIN
-    )
-    return stand.heading in (turn.heading, heading) and aside < 1e-6 and is_seen
+    dx = abs(stand.x - turn.x)
+    dy = abs(stand.y - turn.y)
+    if is_along_x(stand):
+        aside = dy
+        ahead = dx - stand.half_x
+    else:
+        aside = dx
+        ahead = dy - stand.half_y
+    is_in_the_way = ahead < KINDS["carrier"].width / 2 + SIDE_MARGIN
+    is_seen = stand.heading == turn.heading or is_in_the_way
+    return stand.heading in (turn.heading, heading) and aside < SAME and is_seen
+
+
+# m: no turn sweeps further.
+REACH = 4.5
+# m: the outline of a shape is of points that are apart.
+LEAST_APART = TURN_MARGIN - 0.02
 
 
 def in_a_turn(layout: Layout) -> list[tuple[Area, Area]]:
-    """The turns that would sweep over a robot or a bin that may stand there."""
+    """Return each turn with each robot or bin that may stand in what it sweeps."""
     walks = list(walks_of(layout))
-    turns = [turn for walk in walks for turn in walk.turns]
     stands = [area for walk in walks for area in walk.stands]
-    boxes = np.array([area[:4] for area in stands])
-    found = []
-    for at, shape, heading in turns:
-        near = np.flatnonzero(np.abs(boxes[:, :2] - (at.x, at.y)).max(axis=1) < 4.5)
-        candidates = [
-            int(j)
-            for j in near
-            if may_meet(at, stands[j]) and not is_on_its_road(at, heading, stands[j])
-        ]
-        if candidates:
-            x, y = swept(
-                shape,
-                at.x,
-                at.y,
-                HEADINGS[at.heading],
-                angle_between(HEADINGS[at.heading], HEADINGS[heading]),
-            ).T.copy()
-            apart = {
-                (bx, by, half_x, half_y): (
-                    np.maximum(np.abs(x - bx) - half_x, np.abs(y - by) - half_y).min()
-                )
-                for bx, by, half_x, half_y in {
-                    stands[j][:4] for j in candidates
-                }  # many stand at one place
-            }
-            found += [
-                (at, stands[j]) for j in candidates if apart[stands[j][:4]] < TURN_MARGIN - 0.02
-            ]
-    return found
+    middles = np.array([(area.x, area.y) for area in stands])
+    too_near = []
+    for walk in walks:
+        for at, shape, heading in walk.turns:
+            near = np.flatnonzero(np.abs(middles - (at.x, at.y)).max(axis=1) < REACH)
+            candidates = []
+            for stand in (stands[j] for j in near):
+                if may_meet(at, stand) and not is_on_its_road(at, heading, stand):
+                    candidates.append(stand)
+            too_near += [(at, stand) for stand in swept_over(at, shape, heading, candidates)]
+    return too_near
+
+
+def swept_over(at: Area, shape: np.ndarray, heading: str, stands: list[Area]) -> list[Area]:
+    """Return those of the robots and bins that a turn to a heading comes too near to."""
+    if not stands:
+        return []
+    points = turn_of(at, shape, heading)
+    # Many stand at one place, which is measured once.
+    apart = {}
+    for box in {stand[:4] for stand in stands}:
+        apart[box] = distance(points, box)
+    return [stand for stand in stands if apart[stand[:4]] < LEAST_APART]
+
+
+def turn_of(at: Area, shape: np.ndarray, heading: str) -> np.ndarray:
+    """Return all points that a robot passes while it turns to a heading, (n, 2)."""
+    start = HEADINGS[at.heading]
+    return swept(shape, at.x, at.y, start, angle_between(start, HEADINGS[heading]))
+
+
+def distance(points: np.ndarray, box: tuple[float, ...]) -> float:
+    """Return how far points are from a box at least, along the axis on which it is further, m.
+
+    `box`: x and y of its middle, and half its size along both.
+    """
+    x, y, half_x, half_y = box
+    along_x = np.abs(points[:, 0] - x) - half_x
+    along_y = np.abs(points[:, 1] - y) - half_y
+    return float(np.maximum(along_x, along_y).min())
 
 
 @st.composite
@@ -256,15 +290,11 @@ def test_what_stands_is_clear_of_every_drive_that_may_pass_it(scenario: Scenario
     assert too_near(lay_out(scenario)) == []
 
 
-ENDS = (
-    (0.0, 64.0),
-    (1.3, 63.1),
-    (2.6, 62.6),
-    (0.9, 63.9),
-)  # the second one lies just before the place at which a picker holds
-CLOSE = [
-    Row(round(CLOSEST * i, 2), start, round(end - start, 2)) for i, (start, end) in enumerate(ENDS)
-]
+# x of both ends of rows. The second row ends just before the place at which a picker waits.
+ENDS = ((0.0, 64.0), (1.3, 63.1), (2.6, 62.6), (0.9, 63.9))
+CLOSE = []
+for number, (start, end) in enumerate(ENDS):
+    CLOSE.append(Row(round(CLOSEST * number, 2), start, round(end - start, 2)))
 
 
 @settings(max_examples=2)
@@ -291,10 +321,9 @@ def test_soak_what_stands_at_unequal_rows_is_clear_of_drives(scenario: Scenario)
 @example(empty_orchard(rows=6, pickers=6, carriers=16))
 @example(empty_orchard(rows=3, pickers=3, carriers=120))
 @example(empty_orchard(rows=3, pickers=3, carriers=120, route=TWO_WAY))
-@example(
-    empty_orchard(rows=4, row_width=6.9)
-)  # a bin before the last lane is beside the turn onto its road
+@example(empty_orchard(rows=4, row_width=6.9))
 def test_what_stands_is_clear_of_every_turn_beside_it(scenario: Scenario) -> None:
+    """In the last example a bin before the last lane is beside the turn onto its road."""
     assert in_a_turn(lay_out(scenario)) == []
 
 
@@ -316,52 +345,43 @@ def nearest_to_the_tractor(layout: Layout) -> float:
     """How near a carrier or its bin comes to what the tractor sweeps, m, where it stands, drives or
     turns; at most 9.
     """
-    found = [9.0]
+    nearest = 9.0
     for walk in walks_of(layout):
-        for area in (
-            area
-            for area in walk.stands + walk.drives
-            if area.x - area.half_x < -12.0 and area.y + area.half_y > 15.0
-        ):
-            x = np.arange(
-                area.x - area.half_x, min(area.x + area.half_x, -11.0) + 0.05, 0.05
-            )  # further east it is further off
-            found.append(
-                from_the_tractor(np.stack([x, np.full(len(x), area.y + area.half_y)], axis=1))
-            )
-        for at, shape, heading in (
-            turn for turn in walk.turns if turn[0].x < -12.0 and turn[0].y > 15.0
-        ):
-            if from_the_tractor(np.array([[at.x, at.y]])) - np.hypot(*shape.T).max() < min(
-                found
-            ):  # else it sweeps nothing nearer
-                turn = angle_between(HEADINGS[at.heading], HEADINGS[heading])
-                found.append(from_the_tractor(swept(shape, at.x, at.y, HEADINGS[at.heading], turn)))
-    return min(found)
+        for area in walk.stands + walk.drives:
+            north = area.y + area.half_y
+            if area.x - area.half_x < -12.0 and north > 15.0:
+                # Further east it is further off.
+                most_east = min(area.x + area.half_x, -11.0)
+                x = np.arange(area.x - area.half_x, most_east + 0.05, 0.05)
+                edge = np.stack([x, np.full(len(x), north)], axis=1)
+                nearest = min(nearest, from_the_tractor(edge))
+        for at, shape, heading in walk.turns:
+            if at.x < -12.0 and at.y > 15.0:
+                radius = np.hypot(*shape.T).max()
+                # Else the turn sweeps nothing nearer.
+                if from_the_tractor(np.array([[at.x, at.y]])) - radius < nearest:
+                    nearest = min(nearest, from_the_tractor(turn_of(at, shape, heading)))
+    return nearest
 
 
-def clear_of_the_tractor(
+def near_the_tractor(
     route: str, numbers: Iterable[int], lengths: Iterable[float], bays: Iterable[float]
 ) -> list[tuple]:
-    """The queues from which a carrier comes nearer than 0.6 m to what the tractor sweeps."""
-    found = []
+    """Return the queues from which a carrier comes nearer than 0.6 m to what the tractor sweeps."""
+    too_near = []
     for carriers, length, bay in product(numbers, lengths, bays):
         if queue_of(route, length, bay, carriers):
-            small = {
-                "rows": 3,
-                "pickers": 2,
-                "carriers": carriers,
-                "row_length": length,
-                "bay": bay,
-                "route": route,
-            }
-            if nearest_to_the_tractor(lay_out(empty_orchard(**small))) < 0.6:
-                found.append((carriers, length, bay))
-    return found
+            orchard = empty_orchard(
+                rows=3, pickers=2, carriers=carriers, row_length=length, bay=bay, route=route
+            )
+            if nearest_to_the_tractor(lay_out(orchard)) < 0.6:
+                too_near.append((carriers, length, bay))
+    return too_near
 
 
-SOME = (1, 2, 3, 9, 40, 120), (20.0, 28.0, 70.0), (0.0, 0.5, 1.0, 2.3, 4.3)
-MANY = (*range(1, 41), *range(45, 121, 5)), range(20, 201, 20), np.arange(0.0, 60.0, 0.7)
+# Numbers of carriers, lengths of rows and shifts of the bay, m.
+SOME = ((1, 2, 3, 9, 40, 120), (20.0, 28.0, 70.0), (0.0, 0.5, 1.0, 2.3, 4.3))
+MANY = ((*range(1, 41), *range(45, 121, 5)), range(20, 201, 20), np.arange(0.0, 60.0, 0.7))
 
 
 @pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])
@@ -369,7 +389,7 @@ MANY = (*range(1, 41), *range(45, 121, 5)), range(20, 201, 20), np.arange(0.0, 6
     "queues", [SOME, pytest.param(MANY, marks=pytest.mark.soak)], ids=["some", "many"]
 )
 def test_no_carrier_comes_near_to_what_the_tractor_sweeps(route: str, queues: tuple) -> None:
-    assert clear_of_the_tractor(route, *queues) == []
+    assert near_the_tractor(route, *queues) == []
 
 
 @pytest.mark.parametrize("length", [28.0, 50.0, 105.0])

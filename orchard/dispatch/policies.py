@@ -3,6 +3,7 @@
 docs/bounds.md compares them.
 """
 
+from collections.abc import Iterable
 from types import MappingProxyType
 
 from orchard.dispatch.policy import Dispatch
@@ -29,6 +30,20 @@ _CLASSES: list[type[Dispatch]] = [
     GlobalAssignment,
 ]
 POLICIES = MappingProxyType(dict(zip(DISPATCH_POLICIES, _CLASSES, strict=True)))
+# No table of docs/bounds.md recommends them. They work until 2.0.
+LEAVING = ("farthest-first", "longest-waiting", "assignment")
+
+
+def notes_on(names: Iterable[object]) -> list[str]:
+    """Return what a user of these policies should know: which of them version 2.0 will not have."""
+    notes = []
+    for name in names:
+        if name in LEAVING:
+            notes.append(
+                f"dispatch = {name}: this policy will not be in version 2.0; "
+                "expected rolling, predictive or nearest, or a class as in examples/policies.py"
+            )
+    return notes
 
 
 def dispatch_of(layout: Layout) -> Dispatch:

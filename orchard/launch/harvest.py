@@ -5,6 +5,7 @@ from contextlib import ExitStack
 from typing import Any
 
 from orchard.behaviour.catalogue import check_plugins
+from orchard.dispatch.policies import notes_on
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.folders import runs_folder
@@ -57,6 +58,8 @@ def _request(chosen: HarvestOptions, beginning: Beginning, runs: RunFolder) -> R
     Raises ScenarioError, SnapshotError, BusError, OSError or ValueError.
     """
     check_plugins(lay_out(beginning.scenario))
+    for note in notes_on([beginning.scenario.dispatch]):
+        print_error(note)
     recording = runs.recording(chosen.record)
     if chosen.resume is None:
         snapshots = runs.new_snapshots(recording)

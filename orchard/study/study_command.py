@@ -12,6 +12,7 @@ from pathlib import Path
 
 from rich.progress import TextColumn
 
+from orchard.dispatch.policies import notes_on
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.field.shipped import load_or_shipped
@@ -57,6 +58,8 @@ def run_study(chosen: StudyArguments) -> int:
     """
     with own_classes_run(), exit_on_errors(ScenarioError, StoreError, OSError), failures():
         scenario, varied = _question(chosen)
+        for note in notes_on(varied.get("dispatch", [scenario.dispatch])):
+            print_error(note)
         with stoppable() as is_stopped, _progress(chosen) as tell:
             result = study(scenario, varied, _options(chosen), tell, is_stopped)
     _print(result, chosen.progress == "json")

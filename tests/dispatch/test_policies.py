@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from command_line import orchard, scenario_file
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from local_runs import local_hash, start_afresh
@@ -28,7 +29,7 @@ from orchard.behaviour.catalogue import check_plugins
 from orchard.behaviour.dispatcher import Dispatcher, checked
 from orchard.contract.agent import Heard, Mail, Reply, without_body
 from orchard.contract.messages import CarrierQuery, CarrierStatus, Fetch
-from orchard.dispatch.policies import dispatch_of
+from orchard.dispatch.policies import LEAVING, dispatch_of
 from orchard.dispatch.policy import Dispatch
 from orchard.field.scenario import DISPATCH_POLICIES
 from orchard.plans import route
@@ -104,6 +105,65 @@ DECISIONS = {
 def test_the_preferred_bin_gets_the_only_free_carrier(name):
     """The bin that the policy prefers gets the only free carrier."""
     assert decide(name, [NEAR, FAR], [HEAD, BUSY]) == [(DECISIONS[name][0], "carrier_02")]
+
+
+EXAMPLES = {
+    "farthest-first": "FarthestFirst",
+    "longest-waiting": "LongestWaiting",
+    "assignment": "NearestBins",
+}
+
+
+def test_each_policy_that_leaves_has_an_example():
+    assert sorted(EXAMPLES) == sorted(LEAVING)
+
+
+REPORTS = st.lists(
+    st.builds(
+        BinReport,
+        name=st.sampled_from(["bin_01", "bin_02", "bin_03", "bin_04", "bin_05"]),
+        lane=st.just(1),
+        side=st.just("east"),
+        picker=st.just("picker_01"),
+        since=st.integers(0, 3),
+        metres=st.sampled_from([30.0, 45.0, 75.0]),
+        seconds_to_full=st.just(0.0),
+        seconds_to_reach=st.just(34.0),
+    ),
+    unique_by=lambda report: report.name,
+)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+@given(bins=REPORTS, ways=st.lists(st.sampled_from([0.0, 2e-15, 0.5]), max_size=4))
+def test_an_example_decides_as_the_policy_that_leaves(name, bins, ways):
+    carriers = [CarrierReport(f"carrier_{k:02d}", "", True, way) for k, way in enumerate(ways)]
+    example = f"examples.policies.{EXAMPLES[name]}"
+    assert decide(example, bins, carriers) == decide(name, bins, carriers)
+
+
+@pytest.mark.parametrize("name", DISPATCH_POLICIES)
+def test_a_run_says_if_its_policy_leaves(name, tmp_path):
+    """A policy that leaves warns, and works: the run ends well."""
+    path = scenario_file(tmp_path, empty_orchard(dispatch=name))
+    done = orchard(path, "--mode", "local", "--record", "none", "--duration", "1")
+    words = f"dispatch = {name}: this policy will not be in version 2.0"
+    assert (words in done.stderr) == (name in LEAVING)
+    assert "hash" in done.stdout
+
+
+def test_a_study_says_which_of_its_policies_leave(tmp_path):
+    varied = ("--vary", "dispatch=assignment,nearest,longest-waiting", "--vary", "carriers=2")
+    done = orchard(
+        *("study", *varied, "--model", "fast", "--budget", "1", "--workers", "1"),
+        *("--out", tmp_path / "studies.db"),
+        code=None,
+    )
+    notes = [line for line in done.stderr.splitlines() if "version 2.0" in line]
+    assert [note.split(":")[0] for note in notes] == [
+        "dispatch = assignment",
+        "dispatch = longest-waiting",
+    ]
 
 
 @pytest.mark.parametrize("name", DISPATCH_POLICIES)

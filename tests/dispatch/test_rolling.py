@@ -9,8 +9,9 @@ from stage import empty_orchard
 from orchard import Assignment, BinReport, CarrierReport, lay_out
 from orchard.contract.messages import pack, unpack
 from orchard.discrete.harvest import DiscreteHarvest
-from orchard.dispatch.rolling import AHEAD, Rolling
+from orchard.dispatch.rolling import AHEAD, NextBin, Rolling
 from orchard.dispatch.rollout import AWAY, RollOut
+from orchard.field.scenario import TIME_STEP
 
 LOADED: list[dict[str, Any]] = [
     {"rows": 10, "pickers": 5, "carriers": 5},
@@ -103,3 +104,27 @@ def test_a_bin_whose_carrier_does_not_come_gets_another():
     ]
     assert memory.trips["carrier_01"].bin.number == memory.trips["carrier_02"].bin.number == 0
     assert memory.after["picker_01"].number == 1
+
+
+def test_the_bin_after_a_trip_is_expected_once_it_is_picked():
+    """A carrier is sent for the first bin. The next one is full after its row has been picked."""
+    layout = orchard(rows=4, pickers=2, carriers=2)
+    policy = Rolling(layout)
+    memory = policy.Memory()
+    report = BinReport("bin_01", 1, "east", "picker_01", since=900, metres=30.0)
+    policy.assign(900, [report], [HEAD], memory)
+    first, second = layout.blocks["picker_01"].rows[:2]
+    assert first == 1
+    lane = layout.lane(second)
+    picking_ticks = lane.length / lane.picking_speed / TIME_STEP
+    assert memory.after["picker_01"].stop > 900 + picking_ticks
+
+
+def test_after_its_last_bin_a_picker_has_none_to_expect():
+    policy = Rolling(orchard(rows=4, pickers=2, carriers=2))
+    courses = policy.courses["picker_01"]
+    last = courses[-1].job
+    memory = policy.Memory(after={"picker_01": NextBin(len(courses) - 1, 0)})
+    report = BinReport("bin_01", last.lane, last.side, "picker_01", since=900, metres=30.0)
+    policy.assign(900, [report], [HEAD], memory)
+    assert memory.after["picker_01"].number == len(courses)

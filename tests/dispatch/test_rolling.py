@@ -108,7 +108,7 @@ def test_a_bin_whose_carrier_does_not_come_gets_another():
 
 def test_the_bin_after_a_trip_is_expected_once_it_is_picked():
     """A carrier is sent for the first bin. The next one is full after its row has been picked."""
-    layout = orchard(rows=4, pickers=2, carriers=2)
+    layout = orchard(rows=4, pickers=2, carriers=2, picking_speed=0.1)
     policy = Rolling(layout)
     memory = policy.Memory()
     report = BinReport("bin_01", 1, "east", "picker_01", since=900, metres=30.0)

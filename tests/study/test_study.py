@@ -615,6 +615,15 @@ GANG = Scenario(
 FLEETS = [1, 2, 3, 4, 6]
 
 
+def test_a_setting_that_is_alone_runs_until_its_rate_is_known(monkeypatch, tmp_path):
+    """After the runs of the first look the interval is wider than what counts: more are done."""
+    runs = LOOKS[0] + 3
+    told, _ = short(
+        monkeypatch, runs, GANG, {"carriers": [3]}, within=1e-6, store=tmp_path / "s.db"
+    )
+    assert (told.stopped_by, told.table[0].replications) == ("budget", runs)
+
+
 @pytest.mark.parametrize(("runs", "tried"), [(1, [1]), (2, [1, 6]), (3, [1, 3, 6])])
 def test_a_budget_that_ends_early_has_seen_the_whole_range(runs, tried, monkeypatch, tmp_path):
     """It says what has not run, and nothing of what lies beyond the range."""

@@ -6,6 +6,7 @@ import math
 import re
 from dataclasses import asdict, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from few_runs import FewRuns
@@ -18,6 +19,7 @@ from orchard.study import settings
 from orchard.study import study as module
 from orchard.study.checking import checked_settings
 from orchard.study.comparing import LOOKS
+from orchard.study.notes import StudyNotes
 from orchard.study.options import StudyOptions
 from orchard.study.picture import inline_svg
 from orchard.study.result import StudyResult
@@ -798,3 +800,36 @@ def test_the_estimate_knows_how_long_runs_took(tmp_path, monkeypatch):
     found = study(empty_orchard(rows=4, pickers=2), {"carriers": [1, 2, 3, 4, 5]}, options)
     assert len(found.not_run) == 3
     assert found.seconds_needed == pytest.approx(3 * 30.0)
+
+
+def test_the_estimate_counts_the_runs_that_were_done(tmp_path, monkeypatch):
+    """Two settings have five runs each, of 30 s, and more are needed to tell them apart."""
+    now = [1000.0]
+    monkeypatch.setattr("orchard.study.replications.time.time", lambda: now[0])
+
+    class SlowRuns(FewRuns):
+        def do(self, work, items, goes_on):
+            for item, record in super().do(work, items, goes_on):
+                now[0] += 30.0
+                yield item, record
+
+    monkeypatch.setattr(module, "processes", lambda count: SlowRuns(2 * LOOKS[0]))
+    options = StudyOptions(
+        model="fast", budget_seconds=3600.0, within=1e-4, store=tmp_path / "s.db"
+    )
+    told = study(GANG, {"carriers": [6, 7]}, options)
+    assert told.undecided
+    more_runs = [look - LOOKS[0] for look in LOOKS[1:]]
+    assert told.seconds_needed in [pytest.approx(2 * 30.0 * more) for more in more_runs]
+
+
+def test_settings_without_a_run_are_named():
+    names = [Setting({"carriers": count}, Scenario()) for count in range(1, 8)]
+    notes = StudyNotes(SimpleNamespace(settings=names), "fast", StudyOptions(), {})
+    assert notes.missing([], was_stopped=False) == []
+    assert notes.missing([1], was_stopped=True) == [
+        "the study was stopped before a run of 1 setting, carriers=2: not in the table"
+    ]
+    (note,) = notes.missing(range(1, 7), was_stopped=False)
+    assert note.startswith("there was no time for a run of 6 settings, carriers=2; carriers=3;")
+    assert note.endswith("; carriers=6 and others: not in the table")

@@ -393,6 +393,15 @@ def test_a_little_worse_is_as_good_and_an_end_is_told(tmp_path):
     assert "the range is too small, as bay 9.6 may be better" in settled.answer
 
 
+def test_an_answer_with_fewer_robots_is_behind_the_best_mean(tmp_path):
+    options = replace(AMPLE, within=0.9, store=tmp_path / "s.db")
+    settled = study(Scenario(rows=3, **QUIET), {"carriers": [1, 2]}, options)
+    one, two = settled.table
+    assert settled.best == one.setting == {"carriers": 1}
+    assert one.behind > 0.0
+    assert two.behind is None
+
+
 RATES = {"picking_rate": [5.0, 50.0]}
 PRICES = {"picker_per_hour": 25.0, "carrier_per_hour": 8.0}
 

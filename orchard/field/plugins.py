@@ -16,6 +16,7 @@ import traceback
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from contextvars import copy_context
+from importlib.machinery import PathFinder
 from types import ModuleType
 from typing import Any, TypeVar
 
@@ -163,12 +164,34 @@ def unusable(
     """
     reraise_ctrl_c(error)
     fault = printable(f"{type(error).__name__}: {text_of(error)}", 500)
-    words = f"cannot be used: {fault}{place_of_error(error) or place}"
+    found = place_of_error(error) or place or _place_of_unimported(path)
+    words = f"cannot be used: {fault}{found}"
     if wanted:
         words = f"{words}; it must be {wanted}"
     elif _is_not_found(error, path):
         words = f"{words}; {IMPORTED}"
     return ScenarioError([Problem("scenario", words, key, path)])
+
+
+def _place_of_unimported(path: str) -> str:
+    """Return the file of the module that could not be imported, as ' (FILE)'; '' if it is unknown.
+
+    `path`: of a class. Python does not say which file it could not read, as one with a null byte.
+    """
+    module = path.replace(":", ".").rpartition(".")[0]
+    parts = module.split(".")
+    folders = None
+    for count in range(1, len(parts) + 1):
+        name = ".".join(parts[:count])
+        if name in sys.modules:
+            folders = getattr(sys.modules[name], "__path__", None)
+            continue
+        try:
+            spec = PathFinder.find_spec(name, folders)
+        except (ImportError, OSError, ValueError):
+            return ""
+        return f" ({spec.origin})" if spec is not None and spec.origin else ""
+    return ""
 
 
 def _is_not_found(error: BaseException, path: str) -> bool:
@@ -215,7 +238,7 @@ def place_of_error(error: BaseException) -> str:
     """Return the place in the user's files where an error was raised, as ' (FILE, line N)', also if
     a library raised it; '' without one.
     """
-    if isinstance(error, SyntaxError):
+    if isinstance(error, SyntaxError) and error.filename is not None:
         return f" ({error.filename}, line {error.lineno})"
     frames = [
         frame

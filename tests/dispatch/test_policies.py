@@ -275,6 +275,36 @@ def test_a_policy_whose_package_is_missing_names_the_package():
         check_plugins(lay_out(empty_orchard(dispatch="own_policies.Lacking")))
 
 
+NO_SOURCE = "\0"  # Python does not say in which file it has found this
+UNREADABLE = {
+    "with_null.Mine": ({"with_null.py": NO_SOURCE}, r"with_null\.py"),
+    "null_folder.mine.Mine": (
+        {"null_folder/__init__.py": NO_SOURCE, "null_folder/mine.py": "class Mine: pass"},
+        r"null_folder/__init__\.py",
+    ),
+    "null_module.mine.Mine": (
+        {"null_module/__init__.py": "", "null_module/mine.py": NO_SOURCE},
+        r"null_module/mine\.py",
+    ),
+    "imports_null.Mine": (
+        {"imported_null.py": NO_SOURCE, "imports_null.py": "import imported_null"},
+        r"imports_null\.py, line 1",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", UNREADABLE)
+def test_a_policy_in_a_file_with_a_null_byte_is_told_with_it(name, tmp_path, monkeypatch):
+    files, told = UNREADABLE[name]
+    for file, text in files.items():
+        path = tmp_path / file
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ScenarioError, match=rf"cannot be used: .*null bytes \({tmp_path}/{told}\)"):
+        check_plugins(lay_out(empty_orchard(dispatch=name)))
+
+
 def small(name: str, **changes) -> Scenario:
     return empty_orchard(**{"rows": 4, "pickers": 2, "carriers": 2, "dispatch": name, **changes})
 

@@ -2,15 +2,17 @@
 scenario at all is refused in few words.
 """
 
+import difflib
 import itertools
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 from scenario_mistakes import refusal, refused
 
 from orchard.field import yaml_file
-from orchard.field.problems import ScenarioError
+from orchard.field.problems import MOST_NAMED, ScenarioError, Section
 from orchard.field.scenario import People, Scenario, load, parse
 from orchard.field.yaml_file import LARGEST_FILE
 
@@ -221,9 +223,9 @@ def test_what_contradicts_itself_is_told_in_one_line(text: str, wanted: str) -> 
 
 
 def test_a_model_made_by_hand_is_checked_too() -> None:
-    with pytest.raises(ValueError, match="one picker a row"):
+    with pytest.raises(ScenarioError, match="one picker a row"):
         Scenario(rows=3, pickers=4)
-    with pytest.raises(ValueError, match="at most 50 together"):
+    with pytest.raises(ScenarioError, match="at most 50 together"):
         People(workers=50, visitors=1)
 
 
@@ -413,3 +415,52 @@ def test_a_huge_file_is_refused_unread(tmp_path: Path) -> None:
 )
 def test_a_long_value_is_shortened(text: str) -> None:
     assert len(refusal(text)) < 500
+
+
+BUILT_DIRECTLY = [
+    (Scenario, {"rows": 2}, ["rows = 2: must be a whole number from 3 to 100"]),
+    (Scenario, {"rowz": 4}, ["rowz = 4: unknown key; did you mean rows?"]),
+    (Scenario, {"rows": 3, "pickers": 5}, ["pickers = 5, rows = 3: must be at most one picker"]),
+    (
+        Scenario,
+        {"rows": 2, "people": {"workers": -1}},
+        ["rows = 2: must be", "people.workers = -1: must be a whole number from 0"],
+    ),
+    (People, {"workers": -1}, ["workers = -1: must be a whole number from 0 to 50"]),
+]
+
+
+@pytest.mark.parametrize(("section", "values", "told"), BUILT_DIRECTLY)
+def test_a_section_that_is_built_directly_tells_its_mistakes(
+    section: type[Section], values: dict[str, Any], told: list[str]
+) -> None:
+    """It raises the error of `load`, `check` and `with_changes`, with the same words."""
+    with pytest.raises(ScenarioError) as raised:
+        section(**values)
+    problems = raised.value.problems
+    assert len(problems) == len(told)
+    for problem, words in zip(problems, told, strict=True):
+        assert str(problem).startswith(f"{section.__name__}: {words}")
+
+
+def test_thousands_of_unknown_keys_cost_no_search_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only those that are named in the text are compared with known keys; the others are counted,
+    and no problem is lost.
+    """
+    compared: list[str] = []
+    search = difflib.get_close_matches
+
+    def counting(word: str, *arguments: Any, **options: Any) -> list[str]:
+        compared.append(word)
+        return search(word, *arguments, **options)
+
+    monkeypatch.setattr(difflib, "get_close_matches", counting)
+    count = 5000
+    with pytest.raises(ScenarioError) as raised:
+        parse("\n".join(f"row_{number}: 1" for number in range(count)), "my.yaml")
+    lines = str(raised.value).split("\n")
+    assert lines[0].startswith("my.yaml:1: row_0 = 1: unknown key; did you mean rows?")
+    assert all("known here: rows" in line for line in lines[:-1])
+    assert lines[-1] == f"and {count - MOST_NAMED} more problems"
+    assert [problem.line for problem in raised.value.problems] == list(range(1, count + 1))
+    assert len(set(compared)) == MOST_NAMED

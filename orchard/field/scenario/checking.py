@@ -6,7 +6,15 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from orchard.field.problems import Lines, Problem, ScenarioError, key_text, problem_of, show
+from orchard.field.problems import (
+    Lines,
+    Problem,
+    ScenarioError,
+    errors_of,
+    key_text,
+    problems_of,
+    show,
+)
 from orchard.field.scenario.schema import SURVEYED, Scenario
 
 
@@ -32,7 +40,7 @@ def check(
         text = f"must be a map of keys and values, and not {show(values)}"
         raise ScenarioError([*problems, Problem(source, text)])
     errors, scenario = _errors(_plain(values))
-    problems += [problem_of(error, Scenario, source, lines or {}) for error in errors]
+    problems += problems_of(errors, Scenario, source, lines or {})
     if problems:
         raise ScenarioError(problems, scenario)
     return scenario
@@ -63,8 +71,7 @@ def _errors(values: dict[str, Any]) -> tuple[list[dict[str, Any]], Scenario]:
         try:
             return errors, Scenario.model_validate(values)
         except ValidationError as failure:
-            details = failure.errors(include_url=False)
-        current = [_located(error) for error in details if not _follows_from_others(error)]
+            current = errors_of(failure)
         errors += [error for error in current if wrong.isdisjoint(error["fields"])]
         paths: set[tuple[str, ...]] = set()
         for error in current:
@@ -83,27 +90,6 @@ def _with_defaults(field: tuple[str, ...]) -> list[tuple[str, ...]]:
     if field[0] in SURVEYED:
         return [field, ("survey",)]
     return [field]
-
-
-def _follows_from_others(error: Any) -> bool:
-    """Whether an error only follows from others: pydantic does not count the invalid items of a
-    list, and then says that the list is too short.
-    """
-    return bool(
-        error["type"] == "too_short" and error["ctx"]["actual_length"] < len(error["input"])
-    )
-
-
-def _located(error: Any) -> dict[str, Any]:
-    """Return an error of pydantic with the paths of the fields that it is about, and whether it is
-    about a key of a map.
-    """
-    of_key = error["loc"][2:] == ("[key]",)
-    path = tuple(map(str, error["loc"][:2] if of_key else error["loc"]))
-    fields = [path]
-    if error["type"] == "rule":
-        fields = [(*path, *field.split(".")) for field in error["ctx"]["fields"]]
-    return dict(error) | {"loc": path, "of_key": of_key, "fields": fields}
 
 
 def _without(

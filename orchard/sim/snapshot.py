@@ -14,8 +14,8 @@ fork, so all of them stay until the run begins again.
     a later snapshot                    | all snapshots but the KEPT last written, with the new one
     a later keyframe                    | nothing
 
-A reader takes the newest file that is whole, of the right run and version, and possible. It goes on
-to the next older one, and tells why.
+A reader takes the newest file that is whole, of the right run and version, possible, and of the
+tick that its name says. It goes on to the next older one, and tells why.
 """
 
 import hashlib
@@ -192,6 +192,8 @@ def newest(
                 wanted = expected or f"a file {RUN} there with its id"
                 raise SnapshotError(f"of another run, {snapshot.run}; expected {wanted}")
             examine(snapshot)
+            if snapshot.tick != _tick_of(path):
+                raise SnapshotError(f"of tick {snapshot.tick}, which its name should say")
         except SnapshotError as error:
             refused.append(f"{path}: {error}")
         else:
@@ -201,7 +203,12 @@ def newest(
 
 def ticks_of(folder: Path) -> list[int]:
     """Return the ticks of which a folder has a keyframe or a snapshot, which may be damaged."""
-    return sorted({int(path.stem.removeprefix("tick-")) for path in snapshots_in(folder)})
+    return sorted({_tick_of(path) for path in snapshots_in(folder)})
+
+
+def _tick_of(path: Path) -> int:
+    """Return the tick that the name of a snapshot says."""
+    return int(path.stem.removeprefix("tick-"))
 
 
 def _newest_first(folder: Path, *suffixes: str) -> list[Path]:

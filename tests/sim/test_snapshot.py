@@ -22,6 +22,7 @@ from recorded_messages import mutants
 from orchard.contract.messages import pack, unpack
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
+from orchard.futures.moments import snapshot_at
 from orchard.local import Local
 from orchard.server.figures import RunFigures
 from orchard.server.snapshots import examine, last
@@ -29,6 +30,7 @@ from orchard.sim.restore import world_from
 from orchard.sim.snapshot import (
     HEAD,
     KEPT,
+    KEYFRAME,
     LARGEST,
     VERSION,
     Snapshot,
@@ -143,6 +145,22 @@ def test_a_bad_snapshot_is_refused_for_the_one_before(written, damage, why):
     assert newest(written, refused).tick == 11
     assert str(last) in refused[0]
     assert why in refused[0]
+
+
+@pytest.mark.parametrize("tick", [9, 11, 99])
+def test_a_snapshot_under_the_name_of_another_tick_is_refused(tick, tmp_path):
+    """Else a run or a fork would go on from a moment that nobody has asked for."""
+    name, content = as_file(local_at(10).snapshot())
+    renamed = tmp_path / name.replace("000000010", f"{tick:09d}")
+    for path in (renamed, renamed.with_suffix(KEYFRAME)):
+        path.write_bytes(content)
+    for until in (None, 99):
+        refused: list[str] = []
+        with pytest.raises(SnapshotError, match="no usable snapshot"):
+            newest(tmp_path, refused, until=until)
+        assert refused[0] == f"{renamed}: of tick 10, which its name should say"
+    with pytest.raises(SnapshotError, match=r"keyframe: of tick 10, which its name should say"):
+        snapshot_at(tmp_path, tick, print)
 
 
 def test_a_folder_without_a_snapshot_is_named(tmp_path):

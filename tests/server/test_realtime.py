@@ -12,7 +12,8 @@ from local_runs import SHORT, SMALL, TOY
 from recorded_messages import RUN, Clock, heard_at, letter, roster
 from recorded_messages import ReadQuery as Query
 
-from orchard.contract.agent import Action
+from orchard.contract.agent import Action, Heard
+from orchard.contract.mail import given_by
 from orchard.contract.messages import Couple, StateRequest, Yes, pack
 from orchard.field.geometry import Twist
 from orchard.net.mailbox import STALE_TICKS, LatestObservations, RealtimeMailbox
@@ -172,12 +173,14 @@ def test_letters_are_told_once_beside_a_bare_velocity():
     """Letters are told once though a bare velocity follows in the same tick."""
     one, clock = live()
     one.open(0)
-    one.take("picker_01", *driving(0, requests=[("bin_01", StateRequest())]))
+    answers = given_by(Action(answers=[(Heard("bin_01", 0, 0, StateRequest()), Yes())]))
+    one.take("picker_01", *driving(0, requests=[("bin_01", StateRequest())], answers=answers))
     clock.now += STEP
     one.open(1)
     one.take("picker_01", *driving(1, 0.5))
     assert one.actions()["picker_01"].twist.x == 0.5
     assert len(one.reports["picker_01"].requests) == 1
+    assert one.reports["picker_01"].answers == answers
 
 
 def test_who_answers_in_time_has_longer_than_who_was_late():

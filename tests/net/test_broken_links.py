@@ -166,3 +166,20 @@ def test_a_session_that_joins_again_has_not_left():
     assert roster.all_have_left()
     roster.join("picker_01", "a")
     assert not roster.all_have_left()
+
+
+def test_a_session_that_may_not_own_all_its_agents_owns_none():
+    """Else it would own what its join has not told it, and physics would wait for it."""
+    drivers = RunLoop(Leaving(), KEYS, Engine.begin(SMALL), RunOptions(run=RUN)).run.drivers
+    names = ["picker_01", "picker_02"]
+    for name in names:
+        drivers.token(name, "a", True)
+    assert drivers.join(["picker_02"], "a") == {}
+    drivers.token("picker_01", "b", True)
+    drivers.token("picker_02", "b", True)
+    assert drivers.join(names, "b").keys() == {"picker_02"}
+    assert drivers.roster.owners == {"picker_02": "a"}
+    assert drivers.join(["picker_01", "nobody"], "b").keys() == {"nobody"}
+    assert drivers.roster.owners == {"picker_02": "a"}
+    assert drivers.join(["picker_01"], "b") == {}
+    assert drivers.roster.owners == {"picker_01": "b", "picker_02": "a"}

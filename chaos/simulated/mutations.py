@@ -25,6 +25,7 @@ from orchard.processes import agents, physics
 from orchard.server import barriers, commands, inbound, loop, snapshots
 from orchard.server.control import RunClock, SimulationControl
 from orchard.server.drivers import Drivers
+from orchard.server.figures import RunFigures
 from orchard.server.publisher import Publisher
 from orchard.server.roster import RecoveryLog, Roster
 from orchard.server.run import PhysicsRun
@@ -403,6 +404,39 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
     "a session that is given up keeps its agents": (
         _with_words(Roster, "release", "self.owners.pop(name)", "self.owners[name]"),
     ),
+    "an answer goes to the first request of its sender": (
+        _with_words(mailbox.Mailbox, "write", "heard.tick, heard.number)", "heard.tick, 0)"),
+    ),
+    "the last step is not reported": (
+        _with_words(loop.RunLoop, "_finish", "self.run.report()", "pass"),
+    ),
+    "a partial join is accepted": (
+        _with_words(
+            Drivers,
+            "join",
+            "if not refused:\n        for name in names:",
+            "if True:\n        for name in sorted({*names} - refused.keys()):",
+        ),
+    ),
+    "only one silent session gets its tick again": (
+        _with_words(
+            loop.RunLoop,
+            "_await_answers",
+            "show(drivers.silent())",
+            "show([*drivers.silent()][:1])",
+        ),
+    ),
+    "a snapshot forgets the history": (
+        _with_words(RunFigures, "as_data", "msgspec.to_builtins(self._history)", "{}"),
+    ),
+    "realtime: answers of a replaced action are lost": (
+        _with_words(
+            barriers, "_with_unused", "[*before.answers, *report.answers]", "report.answers"
+        ),
+    ),
+    "a pause is not kept over a reset": (
+        _with_words(loop.RunLoop, "_options_after", "self._clock.is_paused", "False"),
+    ),
 }
 
 
@@ -431,6 +465,27 @@ BY_TESTS: dict[str, str] = {
     "an inbox is not emptied at a reset": (
         "tests/net/test_bus_contract.py: a host handles what is left there before it joins, and"
         " forgets all of it then; so the net matters only for items that come in between"
+    ),
+    "a partial join is accepted": (
+        "tests/net/test_broken_links.py: a host asks again until it owns all, so a part of them"
+        " must be taken for longer than it tries: 60 schedules did not show it"
+    ),
+    "only one silent session gets its tick again": (
+        "tests/net/test_broken_links.py: two hosts must miss one tick, and the first of them be"
+        " silent for as long as physics waits: 60 schedules did not show it"
+    ),
+    "a snapshot forgets the history": (
+        "tests/sim/test_snapshot.py: schedules compare what a run publishes, and it publishes no"
+        " history: it is in the summary at the end"
+    ),
+    "realtime: answers of a replaced action are lost": (
+        "tests/server/test_realtime.py: a second action must come before the step that would use"
+        " the first one, and a lost answer is one that was not given: 20 schedules in realtime did"
+        " not show it"
+    ),
+    "a pause is not kept over a reset": (
+        "tests/server/test_control.py: a run must be reset while it is paused: eight schedules with"
+        " a pause and a reset did not show it"
     ),
 }
 

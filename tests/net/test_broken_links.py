@@ -13,6 +13,7 @@ from recorded_messages import HOST, KEYS, RUN, Net, Query, Run, StandIn
 from orchard.contract.messages import pack
 from orchard.net.bus import Alive, Sample, Signal
 from orchard.net.host import HostEnded
+from orchard.server.barriers import AGAIN_SECONDS
 from orchard.server.loop import END_SECONDS, LEAVE_SECONDS, RunLoop
 from orchard.server.options import RunOptions
 from orchard.sim.engine import Engine
@@ -183,3 +184,40 @@ def test_a_session_that_may_not_own_all_its_agents_owns_none():
     assert drivers.roster.owners == {"picker_02": "a"}
     assert drivers.join(["picker_01"], "b") == {}
     assert drivers.roster.owners == {"picker_01": "b", "picker_02": "a"}
+
+
+class Silent(Leaving):
+    """A bus at which nothing arrives, on a clock of its own."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.shown: list[tuple[float, str]] = []
+
+    def __len__(self) -> int:
+        return 0
+
+    def take(self, seconds, enough=1):
+        self.now += seconds
+
+    def publish(self, key, payload, newest_wins=False) -> None:
+        if key.endswith("/seen"):
+            self.shown.append((round(self.now, 3), key))
+
+
+def test_each_silent_session_gets_its_tick_again():
+    """Else the death of one host would keep the tick from another one that has missed it."""
+    bus = Silent()
+    options = RunOptions(run=RUN, patience=3.5 * AGAIN_SECONDS)
+    loop = RunLoop(bus, KEYS, Engine.begin(SMALL), options)
+    drivers = loop.run.drivers
+    owners = {"picker_01": "a", "picker_02": "b", "bin_01": "c"}
+    for name, owner in owners.items():
+        drivers.token(name, owner, True)
+        assert drivers.join([name], owner) == {}
+    drivers.begin(loop.run.engine.observe(), 0.0)
+    loop._await_answers()
+    times = [AGAIN_SECONDS * number for number in range(4)]
+    for owner in owners.values():
+        key = KEYS.of("seen", session=owner)
+        assert [at for at, shown in bus.shown if shown == key] == times
+    assert drivers.roster.owners == {}

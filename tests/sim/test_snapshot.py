@@ -22,7 +22,7 @@ from recorded_messages import mutants
 from orchard.contract.messages import pack, unpack
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
-from orchard.futures.moments import snapshot_at
+from orchard.futures.moments import WatchedRun, snapshot_at
 from orchard.local import Local
 from orchard.server.figures import RunFigures
 from orchard.server.snapshots import examine, last
@@ -56,6 +56,21 @@ def test_a_run_resumed_at_any_ticks_has_the_same_hash(ticks):
     for tick in sorted(ticks):
         local = Local.resume(unpack(pack(played(local, tick).snapshot()), Snapshot))
     assert played(local, HARVEST_TICKS).engine.hash == harvest_hash()
+
+
+def test_a_run_that_goes_on_has_the_figures_of_one_run():
+    """Its summary, with its course over time, is that of a run without interruption."""
+    run = WatchedRun(local_at(10).snapshot())
+    run.go_on(450)
+    resumed = WatchedRun(unpack(pack(run.snapshot()), Snapshot))
+    for each in (run, resumed):
+        each.go_on(900)
+    summary = run.figures.summary()
+    after = resumed.figures.summary()
+    # A run that goes on asks all agents once more.
+    assert after.pop("asked_share") > summary.pop("asked_share")
+    assert len(summary["history"]["seconds"]) >= 4
+    assert after == summary
 
 
 def test_two_forks_of_one_snapshot_go_their_own_ways():

@@ -17,7 +17,7 @@ from orchard.server.barriers import AGAIN_SECONDS
 from orchard.server.loop import END_SECONDS, LEAVE_SECONDS, RunLoop
 from orchard.server.options import RunOptions
 from orchard.sim.engine import Engine
-from orchard.wire.messages import Departure, Joined
+from orchard.wire.messages import Departure, Joined, Report
 
 
 class LosesTheEnd(Net):
@@ -221,3 +221,17 @@ def test_each_silent_session_gets_its_tick_again():
         key = KEYS.of("seen", session=owner)
         assert [at for at, shown in bus.shown if shown == key] == times
     assert drivers.roster.owners == {}
+
+
+def test_a_session_that_answers_for_some_agents_keeps_these():
+    """It lives, so physics takes only those from it for which it has not answered."""
+    loop = RunLoop(Silent(), KEYS, Engine.begin(SMALL), RunOptions(run=RUN, patience=1.0))
+    drivers = loop.run.drivers
+    names = ["bin_01", "picker_01", "picker_02"]
+    for name in names:
+        drivers.token(name, "a", True)
+    assert drivers.join(names, "a") == {}
+    drivers.begin(loop.run.engine.observe(), 0.0)
+    drivers.answers.take("picker_01", "a", 0, Report())
+    loop._await_answers()
+    assert drivers.roster.owners == {"picker_01": "a"}

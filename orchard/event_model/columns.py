@@ -255,12 +255,18 @@ ROBOT = np.dtype(
         ("leg_limit", np.float64),
         ("leg_goal", np.float64),
         ("leg_ahead", np.int64),
+        # Tick at which the last leg ended.
+        ("leg_ended", np.int64),
         # -- its line: the robots ahead and behind, and up to where it drives there
         ("line", np.int64),
         ("ahead", np.int64),
         ("behind", np.int64),
         ("line_end", np.float64),
         ("is_across", np.bool_),
+        # Tick since which it turns with its bin, if it is a carrier; whether it does so beside the
+        # line.
+        ("swings_since", np.int64),
+        ("swings_aside", np.bool_),
         # -- what it waits for, beside its alarm
         ("follows", np.int64),
         ("hears_grants", np.bool_),
@@ -353,8 +359,15 @@ CALL = np.dtype(
         # Tick at which it begins to call, and at which it will be full.
         ("since", np.int64),
         ("full", np.float64),
-        # Tick since which its picker has been repaired.
+        # The tick at which it will be full at the mean speed, which it takes for true up to the
+        # tick at which it has measured another one.
+        ("mean_full", np.float64),
+        ("measured", np.int64),
+        # Tick since which its picker has stood, or been repaired, where it picks; and the ticks
+        # between which it stood before that.
         ("failed", np.int64),
+        ("stood_since", np.int64),
+        ("stood_until", np.int64),
         # Whether it has been reported to the dispatcher, and whether it still waits there.
         ("is_reported", np.bool_),
         ("is_open", np.bool_),

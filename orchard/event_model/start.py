@@ -106,6 +106,9 @@ def _initial(
     calls = np.zeros(count, c.CALL).view(np.recarray)
     calls.bin = c.NONE
     calls.carrier = c.NONE
+    calls.failed = c.NONE
+    calls.measured = c.NONE
+    calls.stood_until = c.NONE
     timers = np.full((c.EVENTS, count), c.NEVER)
     timers[c.WAKE] = 0
     exchanges = program.bins + count
@@ -145,6 +148,8 @@ def _robots(program: Program, starts: Sequence[Start], bin_names: list[str]) -> 
     robots.away = c.NEVER
     robots.answered = c.NEVER
     robots.claimed = -c.NEVER
+    robots.leg_ended = -c.NEVER
+    robots.swings_since = c.NEVER
     robots.charge = 1.0
     robots.parked = c.NEVER
     for robot, start in zip(robots, starts, strict=True):

@@ -43,7 +43,7 @@ def begin_at(moment: RunMoment) -> EventHarvest:
     calls.take_over()
     for me in doing:
         _write(harvest, me, moment.tick)
-    lines.line_up(on_lines)
+    lines.line_up(on_lines, moment.tick)
     calls.take_over_desk()
     harvest.goes_on_from(moment.tick)
     return harvest

@@ -169,7 +169,9 @@ class CallsOfBins:
             elapsed += driven / self._speed(picker.op) / TIME_STEP
         elapsed += picker.turned
         op = self._model.ops[begun]
-        return self._tick - elapsed + float(as_python(kernel.ticks_to_fill)(self._model, op, drive))
+        speed = as_python(kernel.speed_seen)(self._model, op, drive)
+        ticks = as_python(kernel.ticks_to_fill)(self._model, op, drive, speed)
+        return self._tick - elapsed + float(ticks)
 
     def _speed(self, op: int) -> float:
         """Return the speed of a drive, m/s."""

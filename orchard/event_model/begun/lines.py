@@ -12,8 +12,7 @@ from orchard.event_model import columns as c
 from orchard.event_model.begun.robots import Doing, Ops
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel import roads
-from orchard.event_model.kernel.drives import NEAR
-from orchard.event_model.kernel.roads import BESIDE, CLEAR
+from orchard.event_model.kernel.roads import BESIDE, CLEAR, NEAR
 from orchard.event_model.plain import as_python
 from orchard.event_model.program import Program
 from orchard.plans import steps as st
@@ -45,6 +44,7 @@ class LinesOfRobots:
         self._harvest = harvest
         self._program: Program = harvest.program
         self._ops = ops
+        self._blocks = harvest.layout.blocks
         table = self._program.lines
         lines = table.array.view(np.ndarray)
         self._axis = lines["axis"]
@@ -127,6 +127,9 @@ class LinesOfRobots:
     def _go_on_turning(self, on_line: OnLine, me: Doing) -> None:
         """Set what remains until the bin, or the robot, is out of the way of those behind."""
         swings = int(self._ops.swings[me.op])
+        if me.bin != c.NONE and not on_line.is_across and me.name not in self._blocks:
+            assert me.alarm is not None
+            me.more["swings_since"] = me.alarm - int(self._ops.ticks[me.op])
         if me.turned >= swings:
             self._swing(on_line, me, me.bin != c.NONE)
         elif me.bin != c.NONE and not on_line.is_across:
@@ -166,7 +169,7 @@ class LinesOfRobots:
 
     # -- the order
 
-    def line_up(self, places: list[OnLine]) -> None:
+    def line_up(self, places: list[OnLine], tick: int) -> None:
         """Put robots on their lines, each behind the one that is further on.
 
         `places`: of each robot, by its number. Its bin and its size must have been set before.
@@ -177,9 +180,9 @@ class LinesOfRobots:
                 on_line.setdefault(place.line, []).append(number)
         for line, numbers in on_line.items():
             numbers.sort(key=lambda number: -places[number].at)
-            self._line_up(line, numbers, places)
+            self._line_up(line, numbers, places, tick)
 
-    def _line_up(self, line: int, numbers: list[int], places: list[OnLine]) -> None:
+    def _line_up(self, line: int, numbers: list[int], places: list[OnLine], tick: int) -> None:
         """Put robots on a line, the first one first."""
         model = self._harvest.model
         ahead = c.NONE
@@ -192,7 +195,7 @@ class LinesOfRobots:
             me.ahead = ahead
             if ahead != c.NONE:
                 model.robots[ahead].behind = number
-                room = float(as_python(roads.room)(model, number, ahead))
+                room = float(as_python(roads.room_at)(model, number, ahead, tick))
                 me.line_end = max(place.at, min(place.end, room))
             ahead = number
         model.rears[0, line] = ahead

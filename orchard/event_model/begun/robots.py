@@ -12,7 +12,7 @@ from orchard.event_model import columns as c
 from orchard.event_model.begun.claims import Claims
 from orchard.event_model.begun.moment import RunMoment
 from orchard.event_model.harvest import EventHarvest
-from orchard.event_model.kernel.drives import NEAR
+from orchard.event_model.kernel.roads import NEAR
 from orchard.event_model.program import Program
 from orchard.field.geometry import HEADINGS, Pose, angle_between
 from orchard.field.kinds import kind_of
@@ -277,11 +277,17 @@ class Robots:
         self._last(me, self.tick + ticks)
 
     def _await_partner_gone(self, me: Doing) -> None:
-        """Ask again when the robot would ask again."""
-        last_tick = self.tick - 1
-        asked = last_tick - (last_tick - me.memory.since) % PATIENCE
+        """Look again when traffic has heard the robot's next claim, or answers it."""
+        assert isinstance(me.step, st.Alone)
         me.state = c.WAITING_FOR_PARTNER
-        me.alarm = max(self.tick, asked + PATIENCE)
+        claimed = me.memory.claimed
+        answer = self._claims.answer(me.name)
+        if answer is not None and me.step.place in answer.alone:
+            me.alarm = self.tick
+        elif claimed < self.tick - 1:
+            me.alarm = max(self.tick, claimed + PATIENCE) + 1
+        else:
+            me.alarm = claimed + 1
 
     def _handle(self, me: Doing, state: int) -> None:
         """Couple or uncouple for the rest of the time that it takes."""

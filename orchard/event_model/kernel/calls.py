@@ -21,6 +21,10 @@ from orchard.plans.robot import ASK
 HEARD = ASK
 # Ticks from an order to the carrier.
 ORDERED = 1
+# Ticks from a report to the dispatcher, which takes it for new then.
+REPORTED = 1
+# Ticks from where a picker begins to pick until its bin knows how fast it does.
+MEASURED = 2
 
 
 @inner
@@ -81,7 +85,7 @@ def see_row(m, picker):
     seen = tick
     if op.metres > 0.0:
         seen = tick + 1
-    full = tick + ticks_to_fill(m, op, drive)
+    full = tick + ticks_to_fill(m, op, drive, speed_seen(m, op, drive))
     call = m.calls[picker]
     if call.bin != me.bin:
         call.bin = me.bin
@@ -91,20 +95,31 @@ def see_row(m, picker):
         call.is_booked = False
         call.failed = c.NONE
     call.full = full
+    call.mean_full = tick + ticks_to_fill(m, op, drive, m.desk[0].mean_speed)
+    call.measured = tick + MEASURED
+    call.stood_until = c.NONE
     if not call.is_reported:
         call.since = max(seen, ceil(full - m.desk[0].horizon / TIME_STEP))
         m.timers[c.REPORT, picker] = c.QUARTERS * call.since
 
 
 @inner
-def ticks_to_fill(m, op, drive):
+def speed_seen(m, op, drive):
+    """Return the speed at which a bin takes its row to be picked, m/s.
+
+    It sees that only where its picker picks, and takes the mean speed before.
+    """
+    if op.metres > 0.0:
+        return m.desk[0].mean_speed
+    return m.speeds[drive.row]
+
+
+@inner
+def ticks_to_fill(m, op, drive, speed):
     """Return the ticks from an op at which a picker begins a row until its bin is full.
 
-    A bin sees how fast its row is picked only there, and takes the mean speed before.
+    `speed`: at which the row is picked, m/s.
     """
-    speed = m.speeds[drive.row]
-    if op.metres > 0.0:
-        speed = m.desk[0].mean_speed
     return (drive.metres / speed + op.seconds) / TIME_STEP
 
 
@@ -112,7 +127,7 @@ def ticks_to_fill(m, op, drive):
 def hear_failed(m, picker):
     """Let a picker's bin see that the picker stands, and will pick no more for now."""
     call = m.calls[picker]
-    if call.bin == m.robots[picker].bin:
+    if call.bin == m.robots[picker].bin and call.failed == c.NONE:
         call.failed = tick_of(m)
 
 
@@ -122,7 +137,10 @@ def hear_repaired(m, picker):
     call = m.calls[picker]
     if call.failed == c.NONE:
         return
-    call.full += tick_of(m) - call.failed
+    tick = tick_of(m)
+    call.full += tick - call.failed
+    call.stood_since = call.failed
+    call.stood_until = tick
     call.failed = c.NONE
 
 
@@ -138,6 +156,8 @@ def call_carriers(m, picker, end):
     call.end = end
     call.since = tick
     call.full = tick
+    call.measured = c.NONE
+    call.stood_until = c.NONE
     call.failed = c.NONE
     call.is_booked = False
     if m.desk[0].policy == c.BY_CALLS:
@@ -388,11 +408,29 @@ def carry_out(m):
 
 @inner
 def seconds_to_full(m, picker, tick):
-    """Return the seconds until a bin is full; 0 once it is."""
+    """Return the seconds until a bin is full, as the dispatcher knows them; 0 once it is.
+
+    It has the bin's last report, and takes that for new when it hears it.
+    """
     call = m.calls[picker]
+    reported = call.since + CALL_AGAIN * ((tick - REPORTED - call.since) // CALL_AGAIN)
+    left = max(0.0, ticks_left(m, picker, reported))
+    return max(0.0, (left - (tick - REPORTED - reported)) * TIME_STEP)
+
+
+@inner
+def ticks_left(m, picker, tick):
+    """Return the ticks until a bin is full, as it knew them at a tick."""
+    call = m.calls[picker]
+    if tick < call.measured:
+        return call.mean_full - tick
     if call.failed != c.NONE:
-        tick = call.failed
-    return max(0.0, (call.full - tick) * TIME_STEP)
+        return call.full - min(tick, call.failed)
+    if tick >= call.stood_until:
+        return call.full - tick
+    # Its picker has driven on since.
+    before = call.full - (call.stood_until - call.stood_since)
+    return before - min(tick, call.stood_since)
 
 
 @inner

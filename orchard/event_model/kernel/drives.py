@@ -5,9 +5,10 @@ ahead.
 from math import ceil, floor
 
 from orchard.event_model import columns as c
+from orchard.event_model.kernel.calls import hear_failed, hear_repaired
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.failures import fail, is_repaired, may_fail
-from orchard.event_model.kernel.motion import set_alarm
+from orchard.event_model.kernel.motion import after_ticks, set_alarm
 from orchard.event_model.kernel.places import (
     free_places,
     has_places,
@@ -19,13 +20,20 @@ from orchard.event_model.kernel.places import (
 from orchard.event_model.kernel.roads import (
     BESIDE,
     CLEAR,
+    NEAR,
+    NOTICED,
+    OFF_THE_LINE,
+    ONLY_BIN,
     enter,
     leave,
+    noticed_at,
     robot_ahead,
-    room,
+    room_in_steps,
     stop_short,
     tell_followers,
+    ticks_to_swing_clear,
 )
+from orchard.event_model.swing import ASIDE, CARRIER
 from orchard.field.scenario import TIME_STEP
 from orchard.plans import failures
 from orchard.plans.robot import ASK, LOOK_AGAIN
@@ -33,8 +41,7 @@ from orchard.plans.robot import ASK, LOOK_AGAIN
 is_asked_for = inner(failures.is_asked_for)
 is_freed = inner(failures.is_freed)
 
-# m
-NEAR = 1e-6
+CARRIER_TOWS = CARRIER.tows
 # As a coordinate: none.
 FAR = 1e18
 
@@ -106,7 +113,7 @@ def go_on_repaired(m, robot):
 def arrive(m, robot, line):
     """Be on a line from here on."""
     enter(m, robot, line, m.robots[robot].here)
-    tell_followers(m, robot)
+    tell_followers(m, robot, m.desk[0].now)
 
 
 @inner
@@ -128,21 +135,26 @@ def drive_on(m, robot):
         if not me.has_arrived and me.here - me.left_at >= CLEAR - NEAR:
             arrive(m, robot, op.line)
             me.has_arrived = True
+        elif not me.has_arrived and me.here - me.left_at >= ONLY_BIN - NEAR:
+            tell_followers(m, robot, m.desk[0].now)
         ahead = robot_ahead(m, robot, op.line, me.here)
         free_to = FAR
         if ahead != c.NONE:
-            free_to = room(m, robot, ahead)
+            free_to = room_in_steps(m, robot, ahead, speed_of(m, op) * TIME_STEP)
         goal = min(me.stop, gate, me.meeting)
         limit = min(goal, max(me.here, free_to))
         if me.has_arrived and limit > me.line_end + NEAR:
             me.line_end = limit
-            tell_followers(m, robot)
+            tell_followers(m, robot, noticed_at(m, robot))
         elif me.has_arrived and limit < me.line_end - NEAR:
             stop_short(m, robot, limit)
         if limit - me.here > NEAR:
             begin_leg(m, robot, goal, limit, ahead, ticks)
             return False
         me.stood = tick_of(m)
+        if me.bin != c.NONE and me.leg_ended == me.stood:
+            # Its bin runs on for a tick, and who stands behind that drives a step.
+            tell_followers(m, robot, m.desk[0].now + c.QUARTERS * NOTICED)
         if me.stop - me.here <= NEAR:
             me.clear = me.meeting - me.here
             if me.fails:
@@ -164,12 +176,15 @@ def begin_leg(m, robot, goal, limit, ahead, ticks):
     stride = speed_of(m, op) * TIME_STEP
     until = min(limit, next_place_freed(m, robot))
     if not me.has_arrived:
-        until = min(until, me.left_at + CLEAR)
+        is_only_bin = me.here - me.left_at >= ONLY_BIN - NEAR
+        until = min(until, me.left_at + (CLEAR if is_only_bin else ONLY_BIN))
     ticks = min(ceil((until - me.here) / stride - NEAR), ticks)
     if me.wanted != 0:
         me.hears_grants = True
         if limit < goal:
             ticks = min(ticks, ticks_to_answer(m, robot))
+    if op.picks:
+        hear_repaired(m, robot)
     me.leg_begun = tick_of(m)
     me.leg_from = me.here
     me.leg_stride = stride
@@ -184,14 +199,10 @@ def begin_leg(m, robot, goal, limit, ahead, ticks):
 def end_leg(m, robot):
     """Be where the leg has led to by now."""
     me = m.robots[robot]
-    limit = me.leg_limit
-    if me.leg_ahead != c.NONE and limit < me.leg_goal:
-        # The one ahead may have driven on.
-        limit = max(limit, min(me.leg_goal, room(m, robot, me.leg_ahead)))
-    ticks = tick_of(m) - me.leg_begun
+    me.leg_ended = tick_of(m)
+    ticks = me.leg_ended - me.leg_begun
     me.moved += ticks
-    driven = ticks * me.leg_stride
-    me.here = min(limit, me.leg_from + driven)
+    me.here = after_ticks(me.leg_from, me.leg_goal, me.leg_stride, ticks)
     line = m.lines[m.ops[me.op].line]
     place = line.sign * me.here
     if line.axis == 1:
@@ -211,12 +222,19 @@ def stand(m, robot, ahead):
     me = m.robots[robot]
     me.state = c.STANDING
     me.follows = ahead
+    if m.ops[me.op].picks:
+        hear_failed(m, robot)
+    ticks = c.NEVER
     if me.bin_asked != c.NONE and not me.knows_left:
-        set_alarm(m, robot, ticks_to_word(m, robot))
+        ticks = ticks_to_word(m, robot)
     if me.wanted != 0:
         me.hears_grants = True
         if ahead != c.NONE:
-            set_alarm(m, robot, ticks_to_answer(m, robot))
+            ticks = ticks_to_answer(m, robot)
+    if ahead != c.NONE and m.robots[ahead].swings_since != c.NEVER:
+        ticks = min(ticks, ticks_to_swing_clear(m, robot, ahead))
+    if ticks != c.NEVER:
+        set_alarm(m, robot, ticks)
 
 
 @inner
@@ -261,10 +279,11 @@ def next_gate(m, robot):
     if me.next_need == op.last_need:
         return FAR, c.NEVER
     gate = m.needs[me.next_need]
-    before = gate.at - me.here - op.asks_before
-    if before >= -NEAR:
+    is_near = gate.at - me.here < op.asks_before
+    if not is_near:
+        before = gate.at - me.here - op.asks_before
         stride = speed_of(m, op) * TIME_STEP
-        return gate.at, max(1, floor(before / stride + NEAR) + 1)
+        return gate.at, max(1, floor(before / stride - NEAR) + 1)
     if gate.after_bin and not is_told_left(m, robot):
         return gate.at, ticks_to_word(m, robot)
     want_places(m, robot, gate.places, c.NONE)
@@ -331,13 +350,43 @@ def swing(m, robot):
     if me.bin != c.NONE and not me.is_across:
         me.state = c.SWINGING_BIN
         set_alarm(m, robot, op.swings)
+        if me.tows == CARRIER_TOWS:
+            swing_bin(m, robot, False)
     elif me.is_across and is_beside_line(m, robot):
         me.state = c.SWINGING_OFF
         set_alarm(m, robot, op.swings)
+        if turns_back(m, robot):
+            set_alarm(m, robot, OFF_THE_LINE)
+            swing_bin(m, robot, True)
     else:
         me.state = c.LASTING
         set_alarm(m, robot, op.ticks)
     return False
+
+
+@inner
+def swing_bin(m, robot, is_aside):
+    """Begin to swing a bin. Who stands behind it sees that from the next tick on."""
+    me = m.robots[robot]
+    me.swings_since = tick_of(m)
+    me.swings_aside = is_aside
+    tell_followers(m, robot, m.desk[0].now + c.QUARTERS * NOTICED)
+
+
+@inner
+def turns_back(m, robot):
+    """Whether a carrier turns in a line of the queue beside the one that it has left, along it."""
+    me = m.robots[robot]
+    after = me.op + 1
+    while m.ops[after].kind == c.HOME or m.ops[after].kind == c.CHARGE:
+        after += 1
+    following = m.ops[after]
+    if me.tows != CARRIER_TOWS or me.bin == c.NONE or following.kind != c.DRIVE:
+        return False
+    left = m.lines[me.line]
+    line = m.lines[following.line]
+    is_along = line.axis == left.axis and line.sign == left.sign
+    return is_along and abs(abs(line.other - left.other) - ASIDE) < NEAR
 
 
 @inner
@@ -356,11 +405,16 @@ def swung(m, robot):
     """Tell the robots behind that the bin is out of their way, or the robot is, and turn on."""
     me = m.robots[robot]
     op = m.ops[me.op]
+    swung_for = op.swings
+    noticed = noticed_at(m, robot)
     if me.state == c.SWINGING_BIN:
         me.is_across = True
     else:
         leave(m, robot)
-    tell_followers(m, robot)
+    if me.swings_since != c.NEVER:
+        swung_for = tick_of(m) - me.swings_since
+        noticed = m.desk[0].now
+    tell_followers(m, robot, noticed)
     me.state = c.LASTING
-    set_alarm(m, robot, op.ticks - op.swings)
+    set_alarm(m, robot, op.ticks - swung_for)
     return False

@@ -45,22 +45,39 @@ def seize(m, robot, beside):
 
 
 @inner
-def await_partner_gone(m, robot):
-    """Stand until no other robot shares the op's place, and the robot has heard that.
+def ask_for_lone_place(m, robot):
+    """Stand until the robot has heard that no other robot shares the op's place.
 
-    Return whether it has.
+    It asks traffic by a claim. Return whether it has heard it before.
+    """
+    me = m.robots[robot]
+    hear_answer(m, robot)
+    if is_subset(m.places[m.ops[me.op].places], m.sets[c.ALONE, robot]):
+        return True
+    me.state = c.WAITING_FOR_PARTNER
+    tick = tick_of(m)
+    claims = max(tick, me.claimed + PATIENCE)
+    set_alarm(m, robot, claims + 1 - tick)
+    return False
+
+
+@inner
+def await_partner_gone(m, robot):
+    """Look whether another robot shares the op's place, when traffic has heard the robot's claim.
+
+    If none does, the robot hears it in the next tick. Return whether it has.
     """
     me = m.robots[robot]
     place = m.ops[me.op].places
-    if not is_alone(m, robot, place):
-        me.state = c.WAITING_FOR_PARTNER
-        set_alarm(m, robot, PATIENCE)
-        return False
     hear_answer(m, robot)
     if is_subset(m.places[place], m.sets[c.ALONE, robot]):
         return True
-    me.state = c.LASTING
-    set_alarm(m, robot, ASK)
+    me.claimed = tick_of(m) - 1
+    if is_alone(m, robot, place):
+        me.state = c.LASTING
+        set_alarm(m, robot, ASK - 1)
+    else:
+        set_alarm(m, robot, PATIENCE)
     return False
 
 

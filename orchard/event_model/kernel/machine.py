@@ -73,6 +73,7 @@ from orchard.event_model.kernel.drives import (
     turn,
 )
 from orchard.event_model.kernel.handling import (
+    ask_for_lone_place,
     await_bin,
     await_partner_gone,
     await_taken,
@@ -215,7 +216,7 @@ def begin(m, robot):
         free_places(m, robot, op.places)
         return True
     if kind == c.ALONE_IN:
-        return await_partner_gone(m, robot)
+        return ask_for_lone_place(m, robot)
     if kind == c.LEAVE_BIN:
         return handle(m, robot, c.LEAVING_BIN)
     if kind == c.DELIVER:
@@ -294,6 +295,7 @@ def end_lasting(m, robot):
     kind = m.ops[me.op].kind
     if kind == c.TURN:
         me.stood = tick_of(m)
+        me.swings_since = c.NEVER
     elif kind == c.UNLOAD:
         deliver(m)
     return True

@@ -102,14 +102,16 @@ def plan_claim(m, robot):
     """Set when the robot claims next, if its claim would say anything new."""
     me = m.robots[robot]
     hear_answer(m, robot)
-    gives_back = not are_equal(m.sets[c.ANSWERED, robot], m.sets[c.OWN, robot])
+    # It may learn from the answer to its last claim that traffic knows what it has given back.
+    tells = max(tick_of(m), me.claimed + GIVEN_BACK)
+    known = c.COMING if me.answered <= c.QUARTERS * tells else c.ANSWERED
+    gives_back = not are_equal(m.sets[known, robot], m.sets[c.OWN, robot])
     if not gives_back and me.wanted == 0:
         return
     is_same_wish = me.told_wanted == me.wanted and me.told_beside == me.beside
     if is_same_wish and are_equal(m.sets[c.TOLD, robot], m.sets[c.OWN, robot]):
         return
-    pause = GIVEN_BACK if gives_back else PATIENCE
-    due = max(tick_of(m), me.claimed + pause)
+    due = tells if gives_back else max(tick_of(m), me.claimed + PATIENCE)
     if me.due == c.NONE or due < me.due:
         me.due = due
         m.timers[c.CLAIM, robot] = c.QUARTERS * due + HEARD

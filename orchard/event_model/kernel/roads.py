@@ -1,21 +1,36 @@
 """Robots that follow each other on a line, where no places keep them apart.
 
 A line keeps the order of its robots: each knows the one ahead and the one behind, and the line
-knows the last one.
+knows the last one. A robot sees the one ahead where that is at the beginning of a tick, and drives
+a whole step, or not.
 """
+
+from math import ceil, inf
 
 from orchard.event_model import columns as c
 from orchard.event_model.kernel.compiled import inner
+from orchard.event_model.kernel.places import tick_of
+from orchard.event_model.swing import ASIDE, reaches_back
 from orchard.field.kinds import KINDS
+from orchard.field.repeatable import PI
 from orchard.plans.sense import SIDE_MARGIN, STOP_DISTANCE
 
 BIN_HALF = KINDS["bin"].length / 2
+# m, after each tick of a turn off a line, and of the turn beside it that follows.
+REACHES_BACK = reaches_back()
+REACHES_FROM_ASIDE = reaches_back(ASIDE, -0.5 * PI)
+# Ticks of that second turn after which nothing is on the line.
+OFF_THE_LINE = REACHES_FROM_ASIDE.index(-inf)
 # m that a train drives to be off a line.
 CLEAR = KINDS["carrier"].tows + BIN_HALF + KINDS["carrier"].width / 2 + SIDE_MARGIN
+# m that a robot drives to be off a line itself, so that only its bin is there.
+ONLY_BIN = KINDS["carrier"].length / 2 + KINDS["carrier"].width / 2 + SIDE_MARGIN
 # m from a line at which a robot is clear of it.
 BESIDE = KINDS["carrier"].width / 2 + KINDS["bin"].width / 2 + SIDE_MARGIN
 # Ticks until the robot behind drives on, and one more if it sees the bin, which follows its robot.
 NOTICED = 1
+# m
+NEAR = 1e-6
 
 
 @inner
@@ -74,14 +89,81 @@ def robot_ahead(m, robot, line, at):
 @inner
 def room(m, robot, ahead):
     """Return up to where a robot may drive behind another one, along its line, m."""
+    return room_at(m, robot, ahead, tick_of(m))
+
+
+@inner
+def room_at(m, robot, ahead, tick):
+    """Return up to where a robot may drive at a tick behind another one, along its line, m."""
     other = m.robots[ahead]
-    if other.is_across:
+    if other.swings_since != c.NEVER and other.swings_aside:
+        tail = REACHES_FROM_ASIDE[min(tick - other.swings_since, OFF_THE_LINE)]
+    elif other.swings_since != c.NEVER:
+        tail = REACHES_BACK[min(tick - other.swings_since, len(REACHES_BACK) - 1)]
+    elif (
+        other.is_across and not other.has_arrived and other.here - other.left_at >= ONLY_BIN - NEAR
+    ):
+        tail = BIN_HALF
+    elif other.is_across:
         tail = other.width / 2
     elif other.bin != c.NONE:
         tail = other.tows + BIN_HALF
     else:
         tail = other.length / 2
     return other.line_end - tail - STOP_DISTANCE - m.robots[robot].length / 2
+
+
+@inner
+def whole_steps(here, end, step):
+    """Return where a robot stops that drives in whole steps up to an end, or past it, m."""
+    if end <= here + NEAR:
+        return end
+    return here + ceil((end - here) / step - NEAR) * step
+
+
+@inner
+def room_in_steps(m, robot, ahead, step):
+    """Return up to where a robot drives in steps behind another one, along its line, m."""
+    here = m.robots[robot].here
+    end = room(m, robot, ahead)
+    if end <= here + NEAR:
+        end += run_on(m, ahead)
+    if m.robots[ahead].swings_since == c.NEVER:
+        return whole_steps(here, end, step)
+    # It goes on behind the bin that swings out of its way, as long as that is fast enough.
+    tick = tick_of(m)
+    while end > here + NEAR:
+        if end == inf:
+            return end
+        here += step
+        tick += 1
+        end = room_at(m, robot, ahead, tick)
+    return here
+
+
+@inner
+def ticks_to_swing_clear(m, robot, ahead):
+    """Return the ticks until a robot that stands behind a bin that swings may drive a step."""
+    here = m.robots[robot].here
+    tick = tick_of(m)
+    for ticks in range(1, len(REACHES_BACK)):
+        if room_at(m, robot, ahead, tick + ticks) > here + NEAR:
+            return ticks
+    return len(REACHES_BACK)
+
+
+@inner
+def run_on(m, robot):
+    """Return how far a robot's bin is ahead of its place now, m.
+
+    In the tick in which its robot stands, a bin takes it that the robot drives on.
+    """
+    me = m.robots[robot]
+    has_just_stood = me.state != c.DRIVING and me.leg_ended == tick_of(m) - 1
+    if me.bin == c.NONE or me.is_across or not has_just_stood:
+        return 0.0
+    driven = me.here - me.leg_from
+    return driven - (ceil(driven / me.leg_stride - NEAR) - 1) * me.leg_stride
 
 
 @inner
@@ -98,9 +180,8 @@ def last_to_wake(m, robot):
 
 
 @inner
-def tell_followers(m, robot):
-    """Let the robots that wait behind this one look again."""
-    when = noticed_at(m, robot)
+def tell_followers(m, robot, when):
+    """Let the robots that wait behind this one look again at a time."""
     for other in range(len(m.robots)):
         if m.robots[other].follows == robot:
             m.robots[other].follows = c.NONE

@@ -1,0 +1,72 @@
+"""The event model beside the simulator, quiet: bins are delivered in the same ticks, or nearly."""
+
+from typing import Any
+
+import pytest
+from quiet import NOBODY
+
+from orchard.event_model.harvest import EventHarvest
+from orchard.event_model.swing import reaches_back
+from orchard.field.layout import lay_out
+from orchard.field.scenario import TICKS_PER_SECOND, Scenario
+from orchard.local import Local
+
+# Ticks by which each delivery may differ.
+NEAR = 5
+SPREAD = {"spread": {"distribution": "gamma", "cv": 0.3}}
+CELLS: dict[str, dict[str, Any]] = {
+    "carriers that ask for roads in the same tick": {
+        **{"rows": 17, "pickers": 6, "carriers": 9, "picking_speed": 1.0},
+    },
+    "a line that moves up behind one that turns off": {
+        **{"rows": 7, "pickers": 7, "carriers": 9, "row_length": 40.0, "picking_speed": 1.0},
+        **{"route": "one-way", "dispatch": "longest-waiting", "order_in_row": "outward"},
+    },
+    "bins that know only the mean speed of their rows": {
+        **{"rows": 8, "pickers": 7, "carriers": 2, "row_length": 24.0, "picking_speed": 0.5},
+        **{"dispatch": "predictive-farthest", "picking": SPREAD, "seed": 4},
+    },
+}
+LARGE: dict[str, dict[str, Any]] = {
+    "5/2/2": {"rows": 5, "pickers": 2, "carriers": 2, "picking_speed": 1.0},
+    "10/10/10": {"rows": 10, "pickers": 10, "carriers": 10, "picking_speed": 1.0},
+    "20/10/10": {"rows": 20, "pickers": 10, "carriers": 10, "picking_speed": 1.0},
+    "10/5/4": {"rows": 10, "pickers": 5, "carriers": 4, "picking_speed": 1.0},
+    "13/7/4": {"rows": 13, "pickers": 7, "carriers": 4, "picking_speed": 0.5},
+    "10/5/2": {"rows": 10, "pickers": 5, "carriers": 2, "picking_speed": 0.03},
+    "10/5/5": {"rows": 10, "pickers": 5, "carriers": 5, "picking_speed": 0.5},
+    "20/20/20": {"rows": 20, "pickers": 20, "carriers": 20, "picking_speed": 1.0},
+}
+
+
+def assert_is_near(values: dict[str, Any]) -> None:
+    """Compare the ticks of all deliveries in both models."""
+    scenario = Scenario(**NOBODY | values)
+    run = Local(scenario, is_hashed=False)
+    delivered: list[int] = []
+    while not run.ended:
+        before = run.engine.world.delivered
+        run.tick()
+        delivered += [run.engine.tick] * (run.engine.world.delivered - before)
+    harvest = EventHarvest(lay_out(scenario)).run()
+    told = [round(TICKS_PER_SECOND * seconds) for seconds in harvest.deliveries]
+    assert told == pytest.approx(delivered, abs=NEAR)
+
+
+@pytest.mark.parametrize("name", CELLS)
+def test_each_bin_is_delivered_when_the_simulator_does(name: str) -> None:
+    assert_is_near(CELLS[name])
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", LARGE)
+def test_soak_bins_are_delivered_when_the_simulator_does(name: str) -> None:
+    assert_is_near(LARGE[name])
+
+
+def test_a_carrier_that_turns_gets_out_of_the_way() -> None:
+    """At first its bin is behind it, then beside it, and after a half turn before it."""
+    reaches = reaches_back()
+    assert reaches[0] == pytest.approx(1.9 + 0.5)
+    assert reaches[40] == pytest.approx(1.5 / 2, abs=0.02)
+    assert reaches[80] == pytest.approx(1.8 / 2, abs=0.02)

@@ -221,8 +221,10 @@ ROBOT = np.dtype(
         ("moved", np.int64),
         # Tick since which it has stood in a charging line.
         ("parked", np.int64),
-        # As which it waits for a charger.
-        ("charging_number", np.int64),
+        # Ticks for which it has stood in the queue since then; the tick up to which it moved last.
+        ("rested", np.int64),
+        ("moved_at", np.int64),
+        ("waits_to_charge", np.bool_),
         ("is_charging", np.bool_),
         ("is_charged", np.bool_),
         # The charge with which it left the queue, and the exchange for which it did.
@@ -438,8 +440,10 @@ DESK = np.dtype(
         ("seconds_to_charge", np.float64),
         ("standing", np.float64),
         ("free_chargers", np.int64),
-        # How many carriers have asked for a charger.
-        ("asked_chargers", np.int64),
+        # m: the other sides of the queue.
+        ("queue_west", np.float64),
+        ("queue_south", np.float64),
+        ("queue_north", np.float64),
         # How many of the results and of the log are filled.
         ("deliveries", np.int64),
         ("exchanges", np.int64),

@@ -182,6 +182,9 @@ def _desk(layout: Layout, program: Program) -> Any:
     desk.mean_speed = scenario.mean_picking_speed
     desk.carrier_speed = layout.machines["carrier"].speed
     desk.exit = layout.queue.area.east
+    desk.queue_west = layout.queue.area.west
+    desk.queue_south = layout.queue.area.south
+    desk.queue_north = layout.queue.area.north
     desk.head = layout.queue.head
     battery = scenario.carrying.battery
     desk.battery_hours = battery.hours or inf

@@ -11,8 +11,9 @@ from orchard.field.layout import lay_out
 from orchard.field.scenario import TICKS_PER_SECOND, Scenario
 from orchard.local import Local
 
-# Ticks by which each delivery may differ.
+# Ticks by which each delivery may differ, and where carriers charge.
 NEAR = 5
+NEAR_IF_CHARGED = 10
 SPREAD = {"spread": {"distribution": "gamma", "cv": 0.3}}
 CELLS: dict[str, dict[str, Any]] = {
     "carriers that ask for roads in the same tick": {
@@ -27,6 +28,14 @@ CELLS: dict[str, dict[str, Any]] = {
         **{"dispatch": "predictive-farthest", "picking": SPREAD, "seed": 4},
     },
 }
+CHARGING: dict[str, Any] = {
+    **{"rows": 14, "pickers": 5, "carriers": 6, "row_length": 30.0, "picking_speed": 0.5},
+    **{"dispatch": "nearest", "rows_to_pickers": "balanced", "order_in_row": "outward"},
+    **{"route": "one-way", "chargers": 3, "seed": 976},
+    "carrying": {
+        "battery": {"hours": 0.2, "standing": 0.3, "hours_to_charge": 0.1, "reserve": 0.9}
+    },
+}
 LARGE: dict[str, dict[str, Any]] = {
     "5/2/2": {"rows": 5, "pickers": 2, "carriers": 2, "picking_speed": 1.0},
     "10/10/10": {"rows": 10, "pickers": 10, "carriers": 10, "picking_speed": 1.0},
@@ -39,7 +48,7 @@ LARGE: dict[str, dict[str, Any]] = {
 }
 
 
-def assert_is_near(values: dict[str, Any]) -> None:
+def assert_is_near(values: dict[str, Any], within: int = NEAR) -> None:
     """Compare the ticks of all deliveries in both models."""
     scenario = Scenario(**NOBODY | values)
     run = Local(scenario, is_hashed=False)
@@ -50,12 +59,17 @@ def assert_is_near(values: dict[str, Any]) -> None:
         delivered += [run.engine.tick] * (run.engine.world.delivered - before)
     harvest = EventHarvest(lay_out(scenario)).run()
     told = [round(TICKS_PER_SECOND * seconds) for seconds in harvest.deliveries]
-    assert told == pytest.approx(delivered, abs=NEAR)
+    assert told == pytest.approx(delivered, abs=within)
 
 
 @pytest.mark.parametrize("name", CELLS)
 def test_each_bin_is_delivered_when_the_simulator_does(name: str) -> None:
     assert_is_near(CELLS[name])
+
+
+def test_carriers_that_charge_go_on_when_the_simulators_do() -> None:
+    """They move up while they charge, and are off where they stand in the queue."""
+    assert_is_near(CHARGING, NEAR_IF_CHARGED)
 
 
 @pytest.mark.soak

@@ -1,7 +1,7 @@
 """Batteries: what carriers use of them, and who gets a charger.
 
-A carrier whose battery is low after its job charges in a charging line. Those that stand there get
-the chargers in the order in which they came to stand.
+`orchard.sim.batteries` has the rules. A carrier whose battery is low after its job charges in a
+charging line. A free charger goes to the one that stands there nearest to a head.
 """
 
 from math import ceil
@@ -10,7 +10,7 @@ from orchard.event_model import columns as c
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.places import tick_of
 from orchard.field.scenario import TIME_STEP
-from orchard.plans.robot import ASK, PATIENCE
+from orchard.plans.robot import ASK
 
 # Ticks for which a carrier asks its bin whether that wants it.
 CONFIRMED = ASK
@@ -25,10 +25,24 @@ def use_battery(m, robot, standing):
     """
     me = m.robots[robot]
     tick = tick_of(m)
-    worked = me.moved + standing * (tick - me.counted - me.moved)
+    if me.state != c.DRIVING:
+        note_rest(m, robot)
+    worked = me.moved + standing * (tick - me.counted - me.moved - me.rested)
     me.charge -= worked * TIME_STEP / HOUR / m.desk[0].battery_hours
     me.counted = tick
     me.moved = 0
+    me.rested = 0
+
+
+@inner
+def note_rest(m, robot):
+    """Note for how long a robot has stood, up to now, if it stood in the queue: it is off there."""
+    me = m.robots[robot]
+    desk = m.desk[0]
+    is_along = desk.queue_west <= me.x <= desk.exit
+    if is_along and desk.queue_south <= me.y <= desk.queue_north:
+        tick = tick_of(m)
+        me.rested += tick - max(me.counted, min(tick, me.moved_at))
 
 
 @inner
@@ -101,41 +115,53 @@ def park(m, carrier):
     me = m.robots[carrier]
     desk = m.desk[0]
     if me.state == c.DRIVING:
-        m.timers[c.PARK, carrier] = desk.now + c.QUARTERS * PATIENCE
+        m.timers[c.PARK, carrier] = desk.now + c.QUARTERS
         return
     me.parked = me.stood
-    desk.asked_chargers += 1
-    me.charging_number = desk.asked_chargers
-    give_chargers(m)
+    me.waits_to_charge = True
+    # It has stood for a tick.
+    give_chargers(m, 1)
 
 
 @inner
-def give_chargers(m):
-    """Give free chargers to the carriers that have waited for longest."""
+def give_chargers(m, ticks):
+    """Give free chargers to the carriers that stand nearest to a head.
+
+    `ticks`: for which they have had them by now.
+    """
     desk = m.desk[0]
     while desk.free_chargers > 0:
         first = c.NONE
         for carrier in range(len(m.robots)):
-            number = m.robots[carrier].charging_number
-            if number > 0 and (first == c.NONE or number < m.robots[first].charging_number):
+            if not m.robots[carrier].waits_to_charge:
+                continue
+            if first == c.NONE or m.robots[carrier].x > m.robots[first].x:
                 first = carrier
         if first == c.NONE:
             return
-        begin_to_charge(m, first)
+        begin_to_charge(m, first, ticks)
 
 
 @inner
-def begin_to_charge(m, carrier):
-    """Charge a carrier's battery until it is full."""
+def begin_to_charge(m, carrier, begun):
+    """Charge a carrier's battery until it is full. `begun`: ticks for which it does by now."""
     me = m.robots[carrier]
     desk = m.desk[0]
     use_battery(m, carrier, 0.0)
     desk.free_chargers -= 1
-    me.charging_number = 0
+    me.waits_to_charge = False
     me.is_charging = True
     lacks = 1.0 - max(0.0, me.charge)
     ticks = ceil(lacks * desk.seconds_to_charge / TIME_STEP)
-    m.timers[c.FULLY_CHARGED, carrier] = desk.now + c.QUARTERS * ticks
+    m.timers[c.FULLY_CHARGED, carrier] = desk.now + c.QUARTERS * (ticks - begun)
+
+
+@inner
+def delay_charge(m, carrier, moved):
+    """Charge for longer because a carrier has moved up for some ticks: it used its battery then."""
+    desk = m.desk[0]
+    used = desk.seconds_to_charge / HOUR / desk.battery_hours
+    m.timers[c.FULLY_CHARGED, carrier] += c.QUARTERS * round(moved * (1.0 + used))
 
 
 @inner
@@ -150,7 +176,7 @@ def end_charging(m, carrier):
     if me.state == c.WAITING_FOR_CHARGE:
         m.timers[c.WAKE, carrier] = m.desk[0].now
     m.desk[0].free_chargers += 1
-    give_chargers(m)
+    give_chargers(m, 0)
 
 
 @inner

@@ -5,6 +5,7 @@ ahead.
 from math import ceil, floor
 
 from orchard.event_model import columns as c
+from orchard.event_model.kernel.batteries import delay_charge, note_rest
 from orchard.event_model.kernel.calls import hear_failed, hear_repaired
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.failures import fail, is_repaired, may_fail
@@ -185,6 +186,7 @@ def begin_leg(m, robot, goal, limit, ahead, ticks):
             ticks = min(ticks, ticks_to_answer(m, robot))
     if op.picks:
         hear_repaired(m, robot)
+    note_rest(m, robot)
     me.leg_begun = tick_of(m)
     me.leg_from = me.here
     me.leg_stride = stride
@@ -202,6 +204,9 @@ def end_leg(m, robot):
     me.leg_ended = tick_of(m)
     ticks = me.leg_ended - me.leg_begun
     me.moved += ticks
+    me.moved_at = me.leg_ended
+    if me.is_charging:
+        delay_charge(m, robot, ticks)
     me.here = after_ticks(me.leg_from, me.leg_goal, me.leg_stride, ticks)
     line = m.lines[m.ops[me.op].line]
     place = line.sign * me.here
@@ -319,7 +324,9 @@ def ticks_to_word(m, robot):
 def turn(m, robot):
     """Begin a turn, once nobody is near."""
     me = m.robots[robot]
+    note_rest(m, robot)
     me.moved += m.ops[me.op].ticks
+    me.moved_at = tick_of(m) + m.ops[me.op].ticks
     ticks = ticks_to_look(m, robot)
     if ticks == 0:
         return swing(m, robot)

@@ -35,7 +35,7 @@ def test_a_port_that_is_taken_is_named_with_exit_code_2():
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         done = subprocess.run(
-            page("--port", port), cwd=ROOT, capture_output=True, text=True, timeout=30
+            page("--port", port), cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE
         )
     assert done.returncode == 2
     assert f"--port {port}" in done.stderr

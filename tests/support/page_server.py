@@ -38,7 +38,8 @@ def wait_for(process: subprocess.Popen, address: str, seconds: float = PATIENCE)
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline and process.poll() is None:
         try:
-            urllib.request.urlopen(address, timeout=5).close()
+            # On a busy machine the first page takes longer than any short limit.
+            urllib.request.urlopen(address, timeout=seconds).close()
             return
         except OSError:
             time.sleep(0.1)

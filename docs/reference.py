@@ -127,9 +127,9 @@ def _field(layout: Layout) -> str:
         ),
         (
             "tree lines",
-            f"""one more than rows; the first at y = {field.TREE_TOP_LINE:g}, or so far south
-            that the first lane lies at y = {field.FIRST_LANE:g}; each next one
-            row_width + {TRUNK:g} m further south""",
+            f"""one more than rows, and in a survey two where rows are missing; the first at
+            y = {field.TREE_TOP_LINE:g}, or so far south that the first lane lies at
+            y = {field.FIRST_LANE:g}; each next one row_width + {TRUNK:g} m further south""",
         ),
         ("trees in a line", _every(layout.lines[0].trees_x)),
         ("posts in a line", f"{_every(layout.lines[0].posts_x)}: halfway between trees"),

@@ -22,6 +22,7 @@ from rich.table import Table
 
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
+from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Animals, People, Scenario
 from orchard.local import Local
 from orchard.report.metrics import HarvestFigures, harvest_figures
@@ -159,7 +160,7 @@ def main() -> None:
             for cell in cells
             for seed in range(seeds)
         ]
-    except ValueError as problem:
+    except (ValueError, ScenarioError) as problem:
         parser.exit(2, f"{problem}\n")
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         pairs = list(

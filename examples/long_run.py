@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from orchard import Scenario
+from orchard import Scenario, ScenarioError
 from orchard.discrete.harvest import Jam
 from orchard.field.layout import lay_out
 from orchard.report.bounds import Bounds
@@ -65,7 +65,7 @@ def drawn(number: int) -> Iterator[Scenario]:
         }
         try:
             yield orchard(**values)
-        except ValueError:
+        except ScenarioError:
             continue
         number -= 1
 

@@ -431,6 +431,8 @@ DESK = np.dtype(
         ("mean_speed", np.float64),
         # m/s
         ("carrier_speed", np.float64),
+        # Times the usual rate.
+        ("carrier_turning", np.float64),
         # x at which carriers leave the queue, and of its heads.
         ("exit", np.float64),
         ("head", np.float64),

@@ -14,7 +14,7 @@ from orchard.event_model import columns as c
 from orchard.event_model.draws import draws
 from orchard.event_model.known import COMPILED
 from orchard.event_model.program import Program
-from orchard.field.kinds import DISPATCH, KINDS
+from orchard.field.kinds import DISPATCH, EIGHTH, KINDS
 from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.placement import Start
 from orchard.field.rows import Block
@@ -181,6 +181,7 @@ def _desk(layout: Layout, program: Program) -> Any:
     desk.horizon = program.horizon
     desk.mean_speed = scenario.mean_picking_speed
     desk.carrier_speed = layout.machines["carrier"].speed
+    desk.carrier_turning = layout.machines["carrier"].turn / EIGHTH
     desk.exit = layout.queue.area.east
     desk.queue_west = layout.queue.area.west
     desk.queue_south = layout.queue.area.south

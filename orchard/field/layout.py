@@ -25,7 +25,7 @@ from orchard.field.problems import Problem, ScenarioError
 from orchard.field.queue import BAY_STOP, ONE_WAY, QUEUES, USUAL_ROW, Queue, lack_of_room, queue_of
 from orchard.field.rows import Block, rows_to_pickers
 from orchard.field.scenario import Scenario
-from orchard.field.survey import FURTHEST, ROUNDING, TRUNK, Survey, SurveyedRow
+from orchard.field.survey import FURTHEST, MISSING, ROUNDING, TRUNK, Survey, SurveyedRow
 
 # Layouts in the cache.
 KEPT_LAYOUTS = 8
@@ -396,8 +396,8 @@ def _alike(scenario: Scenario) -> Rows:
 def _surveyed(scenario: Scenario, survey: Survey) -> Rows:
     """Return the lanes of surveyed rows. A line of trees lies midway between two of them.
 
-    Where rows are missing, each of the two has a line of trees of its own, as far away as midway
-    between two rows elsewhere.
+    Where rows are missing, or a road passes, each of the two has a line of trees of its own, as far
+    away as midway between two rows elsewhere.
     """
     souths = [row.south for row in survey.rows]
     gaps = [south - north for north, south in pairwise(souths)]
@@ -430,7 +430,7 @@ def _lines_between(north: float, south: float, usual: float) -> list[float]:
 
     `north`, `south`: how far south the rows lie. `usual`: from a row to the next one elsewhere, m.
     """
-    if south - north <= FURTHEST + ROUNDING:
+    if south - north <= MISSING * usual:
         return [(north + south) / 2]
     return [north + usual / 2, south - usual / 2]
 

@@ -103,6 +103,10 @@ class ScenarioError(Exception):
             lines.append(f"and {more} more problems")
         super().__init__("\n".join(lines))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Be pickled as the problems, so that it comes out of a worker process as it is."""
+        return type(self), (self.problems, self.rest)
+
 
 class Section(BaseModel):
     """A section of a scenario: a map with known keys, strictly typed, with rules about several of

@@ -28,6 +28,8 @@ NARROWEST_ROW = CLOSEST - TRUNK
 USUAL_WIDTH = 5.0
 WIDEST_ROW = 12.0
 FURTHEST = WIDEST_ROW + TRUNK  # m
+# Times the usual spacing from which on rows are missing between two rows, or a road passes.
+MISSING = 1.8
 # m, at most, between two rows where some are missing, or where a farm road passes.
 WIDEST_GAP = 60.0
 ROUNDING = 1e-6  # m
@@ -165,7 +167,8 @@ def _faults_of_spacing(rows: Sequence[SurveyedRow]) -> Iterator[tuple[SurveyedRo
         if not CLOSEST - ROUNDING <= gap <= WIDEST_GAP + ROUNDING:
             limits = f"{CLOSEST:g} to {WIDEST_GAP:g} m from centre line to centre line"
             yield row, f"lies {gap:.2f} m south of row {north.id}; must be {limits}"
-    if all(row.south - north.south > FURTHEST + ROUNDING for north, row in pairwise(rows)):
+    gaps = [row.south - north.south for north, row in pairwise(rows)]
+    if min(gaps) > FURTHEST + ROUNDING and max(gaps) <= WIDEST_GAP + ROUNDING:
         limits = f"two neighbours must be at most {FURTHEST:g} m apart"
         yield first, f"has no neighbour, and neither has any other row: {limits}"
 

@@ -6,7 +6,8 @@ Then the moment in the middle replaces one of the two, until they are next to ea
 
 Where the event model can do the futures, it does this search in seconds. The simulator then lives
 the futures of the last good and the first bad moment only. If these end as they were expected to,
-this is the answer. If not, the simulator searches by itself.
+this is the answer: of the other moments only the event model has futures. If not, the simulator
+searches by itself.
 """
 
 import re

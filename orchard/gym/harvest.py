@@ -105,6 +105,15 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         self._answers: dict[str, Action] = {}
         self._looks: dict[str, Look] = {}
 
+    def _refuse_other_machines(self, layout: Layout) -> None:
+        """Raise ValueError if a learned body has a machine that its spaces do not fit."""
+        for name, machine in self._machines.items():
+            if layout.machines[kind_of(name)] != machine:
+                raise ValueError(
+                    f"{name}: its speed, turning and handling stay those of the environment, whose"
+                    " spaces follow from them; make another environment for another machine"
+                )
+
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """Return the space of what a body observes: see `orchard.gym.spaces`."""
         return self.observation_spaces[agent]
@@ -126,7 +135,9 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         changes = _changes_in(options or {})
         episode = self._episode.after(plain(seed))
         scenario = with_changes(self.scenario, **changes | {"seed": episode.seed})
-        _refuse_what_cannot_learn(lay_out(scenario), self.possible_agents)
+        layout = lay_out(scenario)
+        _refuse_what_cannot_learn(layout, self.possible_agents)
+        self._refuse_other_machines(layout)
         self._episode = episode
         engine = Engine if self._is_hashed else Unaudited
         self.local = Local(scenario, is_hashed=self._is_hashed, engine=engine)

@@ -29,7 +29,8 @@ from orchard.plans.steps import DriveTo, Face, Plan
 from orchard.sim.deeds import COUPLING_REACH
 from orchard.sim.world import NONE, World
 
-FAR = 2000.0  # m: no orchard is so large
+# m: no orchard is so large. A hundred surveyed rows may lie 60 m apart.
+FAR = 8000.0
 MOST_LANES = 100.0  # rows of a scenario
 # The deeds that an action names.
 NOTHING, COUPLE, UNCOUPLE = range(3)

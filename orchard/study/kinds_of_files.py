@@ -4,7 +4,8 @@ from orchard.terminal.files import KindOfFile
 
 # Who has made a picture or a report, as its metadata say.
 MAKER = "Orchard"
-TABLE = KindOfFile("the table of a study", rb"[^\n]*,bound_bins_per_hour,bottleneck,")
+# A study that was stopped before its first run has written an empty head.
+TABLE = KindOfFile("the table of a study", rb"[^\n]*,bound_bins_per_hour,bottleneck,|\r\n\Z")
 REPORT = KindOfFile("the report of a study", rb'.*<meta name="generator" content="Orchard">')
 # PNG, and SVG.
 PICTURE = KindOfFile(

@@ -61,7 +61,7 @@ def setting_words(setting: Mapping[str, Any]) -> str:
 
 def orchard_words(scenario: Scenario, varied: Collection[str] = ()) -> str:
     """Return the orchard of a study without the keys that vary: '20 rows of 49 m, 10 pickers,
-    one-way, predictive dispatch, 5.5 m from row to row, ...'. What machines can is always said.
+    one-way, predictive dispatch, 5.5 m from row to row, ...'. Speeds and handling are always said.
     """
     words = {
         "pickers": counted("pickers", scenario.pickers) + _rate_words(scenario, varied),

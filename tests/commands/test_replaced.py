@@ -136,3 +136,13 @@ def test_an_empty_file_and_a_device_may_be_written(tmp_path):
     empty.touch()
     for path in (empty, Path("/dev/null")):
         check_writable(path, kind=SUMMARY)
+
+
+def test_a_table_of_a_study_without_a_run_is_replaced(tmp_path: Path) -> None:
+    """The study was stopped before its first run, and the same command goes on."""
+    table = tmp_path / "table.csv"
+    table.write_bytes(b"\r\n")
+    check_writable(table, kind=TABLE)
+    table.write_bytes(b"\r\nmine\r\n")
+    with pytest.raises(OSError, match="is not the table of a study"):
+        check_writable(table, kind=TABLE)

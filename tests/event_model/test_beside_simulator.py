@@ -14,6 +14,8 @@ from orchard.local import Local
 # Ticks by which each delivery may differ, and where carriers charge.
 NEAR = 5
 NEAR_IF_CHARGED = 10
+# Where carriers turn at another rate, what a robot behind sees is known in steps of 2.25 degrees.
+NEAR_IF_TURNED = 8
 SPREAD = {"spread": {"distribution": "gamma", "cv": 0.3}}
 CELLS: dict[str, dict[str, Any]] = {
     "carriers that ask for roads in the same tick": {
@@ -27,6 +29,11 @@ CELLS: dict[str, dict[str, Any]] = {
         **{"rows": 8, "pickers": 7, "carriers": 2, "row_length": 24.0, "picking_speed": 0.5},
         **{"dispatch": "predictive-farthest", "picking": SPREAD, "seed": 4},
     },
+}
+# Six carriers move up in a line behind one that turns.
+TURNING: dict[str, Any] = {
+    **{"rows": 6, "pickers": 3, "carriers": 6, "row_length": 30.0},
+    **{"dispatch": "predictive", "route": "one-way"},
 }
 CHARGING: dict[str, Any] = {
     **{"rows": 14, "pickers": 5, "carriers": 6, "row_length": 30.0, "picking_speed": 0.5},
@@ -84,3 +91,8 @@ def test_a_carrier_that_turns_gets_out_of_the_way() -> None:
     assert reaches[0] == pytest.approx(1.9 + 0.5)
     assert reaches[40] == pytest.approx(1.5 / 2, abs=0.02)
     assert reaches[80] == pytest.approx(1.8 / 2, abs=0.02)
+
+
+@pytest.mark.parametrize("degrees", [5.0, 60.0])
+def test_carriers_that_turn_slowly_or_fast_clear_their_line_in_time(degrees: float) -> None:
+    assert_is_near(TURNING | {"carrying": {"turning": degrees}}, NEAR_IF_TURNED)

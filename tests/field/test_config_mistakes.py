@@ -4,6 +4,7 @@ scenario at all is refused in few words.
 
 import difflib
 import itertools
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -180,7 +181,7 @@ WHOLE_LINES = [
         "row_length: 30\nbins_per_row: 10",
         (
             "my.yaml:2: bins_per_row = 10.0, row_length = 30.0: a bin would fill in 3 m of row;"
-            " must be 5 to 200 m"
+            " must be 5 to 400 m"
         ),
     ),
     (
@@ -464,3 +465,10 @@ def test_thousands_of_unknown_keys_cost_no_search_each(monkeypatch: pytest.Monke
     assert lines[-1] == f"and {count - MOST_NAMED} more problems"
     assert [problem.line for problem in raised.value.problems] == list(range(1, count + 1))
     assert len(set(compared)) == MOST_NAMED
+
+
+def test_mistakes_come_out_of_a_worker_process_as_they_are():
+    with pytest.raises(ScenarioError) as raised:
+        Scenario(rows=2)
+    copy = pickle.loads(pickle.dumps(raised.value))
+    assert (str(copy), copy.problems) == (str(raised.value), raised.value.problems)

@@ -53,6 +53,13 @@ def test_where_rows_are_missing_each_side_has_trees_of_its_own():
     assert [lane.width for lane in layout.lanes] == pytest.approx([5.5] * 4)
 
 
+def test_of_close_rows_one_that_is_missing_leaves_two_lines_of_trees():
+    rows = [Row(south, 0.0, 40.0) for south in (0.0, 4.0, 12.0, 16.0)]
+    layout = lay_out(orchard_of(rows))
+    first = layout.lane(1).y
+    assert [first - line.y for line in layout.lines] == pytest.approx([-2, 2, 6, 10, 14, 18])
+
+
 @pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])
 def test_a_slanted_block_with_missing_rows_is_harvested(route: str):
     """Ends slanted by 45 degrees: the roads are straight, and robots drive on to them."""

@@ -451,6 +451,7 @@ def test_an_action_for_another_body():
 NO_CURRICULA = [
     ({"carriers": 1}, "carrier_02"),
     ({"rows": 400}, "rows = 400"),
+    ({"carrying.speed": 2.0}, "carrier_02: its speed, turning and handling stay those"),
     (3, "options: scenario = 3: must be a map"),
 ]
 

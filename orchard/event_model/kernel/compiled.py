@@ -10,13 +10,26 @@ from pathlib import Path
 
 from orchard.behaviour import bin, carrier, dispatcher
 from orchard.dispatch import ranking
-from orchard.event_model import columns
+from orchard.event_model import columns, swing
+from orchard.field import geometry
 from orchard.plans import failures, robot, sense, steps
 from orchard.sim.kernels.jit import jit
 
 # Modules of which constants are part of the code. Those of `orchard.field` that are count for all
 # kernels.
-CONSTANTS_OF = (bin, carrier, dispatcher, ranking, failures, robot, sense, steps, columns)
+CONSTANTS_OF = (
+    bin,
+    carrier,
+    dispatcher,
+    ranking,
+    failures,
+    robot,
+    sense,
+    steps,
+    columns,
+    swing,
+    geometry,
+)
 
 
 def _sources() -> str:

@@ -32,6 +32,7 @@ from orchard.event_model.kernel.roads import (
     room_in_steps,
     stop_short,
     tell_followers,
+    ticks_of_parts,
     ticks_to_swing_clear,
 )
 from orchard.event_model.swing import ASIDE, CARRIER
@@ -363,7 +364,7 @@ def swing(m, robot):
         me.state = c.SWINGING_OFF
         set_alarm(m, robot, op.swings)
         if turns_back(m, robot):
-            set_alarm(m, robot, OFF_THE_LINE)
+            set_alarm(m, robot, min(op.ticks, ticks_of_parts(m, OFF_THE_LINE)))
             swing_bin(m, robot, True)
     else:
         me.state = c.LASTING

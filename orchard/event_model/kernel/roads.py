@@ -16,10 +16,11 @@ from orchard.field.repeatable import PI
 from orchard.plans.sense import SIDE_MARGIN, STOP_DISTANCE
 
 BIN_HALF = KINDS["bin"].length / 2
-# m, after each tick of a turn off a line, and of the turn beside it that follows.
+# m, after each part of a turn off a line, and of the turn beside it that follows: a part is the
+# angle of a tick at the usual rate.
 REACHES_BACK = reaches_back()
 REACHES_FROM_ASIDE = reaches_back(ASIDE, -0.5 * PI)
-# Ticks of that second turn after which nothing is on the line.
+# Parts of that second turn after which nothing is on the line.
 OFF_THE_LINE = REACHES_FROM_ASIDE.index(-inf)
 # m that a train drives to be off a line.
 CLEAR = KINDS["carrier"].tows + BIN_HALF + KINDS["carrier"].width / 2 + SIDE_MARGIN
@@ -97,9 +98,9 @@ def room_at(m, robot, ahead, tick):
     """Return up to where a robot may drive at a tick behind another one, along its line, m."""
     other = m.robots[ahead]
     if other.swings_since != c.NEVER and other.swings_aside:
-        tail = REACHES_FROM_ASIDE[min(tick - other.swings_since, OFF_THE_LINE)]
+        tail = REACHES_FROM_ASIDE[min(parts_swung(m, ahead, tick), OFF_THE_LINE)]
     elif other.swings_since != c.NEVER:
-        tail = REACHES_BACK[min(tick - other.swings_since, len(REACHES_BACK) - 1)]
+        tail = REACHES_BACK[min(parts_swung(m, ahead, tick), len(REACHES_BACK) - 1)]
     elif (
         other.is_across and not other.has_arrived and other.here - other.left_at >= ONLY_BIN - NEAR
     ):
@@ -111,6 +112,18 @@ def room_at(m, robot, ahead, tick):
     else:
         tail = other.length / 2
     return other.line_end - tail - STOP_DISTANCE - m.robots[robot].length / 2
+
+
+@inner
+def parts_swung(m, robot, tick):
+    """Return the whole parts of its turn that a carrier has done at a tick."""
+    return int((tick - m.robots[robot].swings_since) * m.desk[0].carrier_turning + NEAR)
+
+
+@inner
+def ticks_of_parts(m, parts):
+    """Return the ticks in which a carrier does so many parts of a turn."""
+    return ceil(parts / m.desk[0].carrier_turning - NEAR)
 
 
 @inner
@@ -146,10 +159,11 @@ def ticks_to_swing_clear(m, robot, ahead):
     """Return the ticks until a robot that stands behind a bin that swings may drive a step."""
     here = m.robots[robot].here
     tick = tick_of(m)
-    for ticks in range(1, len(REACHES_BACK)):
+    longest = ticks_of_parts(m, len(REACHES_BACK))
+    for ticks in range(1, longest):
         if room_at(m, robot, ahead, tick + ticks) > here + NEAR:
             return ticks
-    return len(REACHES_BACK)
+    return longest
 
 
 @inner

@@ -96,7 +96,7 @@ SLOWEST = 0.001
 FASTEST = 1.0
 # Metres of row that fill a bin.
 SHORTEST_BIN = 5.0
-LONGEST_BIN = 200.0
+LONGEST_BIN = 400.0
 CHARGERS = (
     "number of carriers that can charge at once, in lines of their own in the queue; only batteries"
     " need them"

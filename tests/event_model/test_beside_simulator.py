@@ -94,5 +94,5 @@ def test_a_carrier_that_turns_gets_out_of_the_way() -> None:
 
 
 @pytest.mark.parametrize("degrees", [5.0, 60.0])
-def test_carriers_that_turn_slowly_or_fast_clear_their_line_in_time(degrees: float) -> None:
+def test_carriers_that_turn_slowly_or_fast_clear_their_line(degrees: float) -> None:
     assert_is_near(TURNING | {"carrying": {"turning": degrees}}, NEAR_IF_TURNED)

@@ -53,7 +53,7 @@ def test_where_rows_are_missing_each_side_has_trees_of_its_own():
     assert [lane.width for lane in layout.lanes] == pytest.approx([5.5] * 4)
 
 
-def test_of_close_rows_one_that_is_missing_leaves_two_lines_of_trees():
+def test_a_missing_close_row_leaves_two_lines_of_trees():
     rows = [Row(south, 0.0, 40.0) for south in (0.0, 4.0, 12.0, 16.0)]
     layout = lay_out(orchard_of(rows))
     first = layout.lane(1).y

@@ -47,9 +47,9 @@ def run_benchmark(chosen: BenchmarkOptions) -> int:
     ):
         known = _known(chosen.orchard or [])
         if chosen.summary is not None:
-            check_writable(chosen.summary, kind=SUMMARY)
             if same := [*one_file([StudyOptions(store=chosen.out).store_file, chosen.summary])]:
                 raise ScenarioError(same)
+            check_writable(chosen.summary, kind=SUMMARY)
         result = _result(chosen, known)
         if result is None:
             print_error(STOPPED)

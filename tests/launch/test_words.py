@@ -186,7 +186,7 @@ MISTAKES = [
         ["run", "--resume", "last"],
         (
             "run: no such file, and no such command (see --help); expected a scenario's file, or"
-            " one of hand"
+            " one of apple"
         ),
     ),
     (["hand_piking"], "hand_piking: no such file; did you mean the scenario hand_picking?"),

@@ -78,7 +78,8 @@ def undisturbed(folder) -> dict:
     assert summary["answer"] in run.stdout
     assert summary["orchard"] == (
         "3 rows of 70 m, one bin a row, 2 pickers, two-way, 5.5 m from row to row, carriers at 1"
-        " m/s, pickers that drive at 1 m/s, 5 s at the bay, 0.2 s to couple a bin, 0.4 s to uncouple it"
+        " m/s, pickers that drive at 1 m/s, 5 s at the bay, 0.2 s to couple a bin, 0.4 s to"
+        " uncouple it"
     )
     assert f"The orchard: {summary['orchard']}" in run.stdout
     return summary

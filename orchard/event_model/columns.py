@@ -63,8 +63,6 @@ OP = np.dtype(
         ("metres", np.float64),
         # Of a drive; 0: that at which the row is picked.
         ("speed", np.float64),
-        # Of a drive: how far before a gate the robot asks for its places.
-        ("asks_before", np.float64),
         # Of BEGIN_ROW: from the last fruit to a full bin at the furthest row's end, s.
         ("seconds", np.float64),
         # Of a drive.

@@ -331,7 +331,6 @@ class Program:
             target=sign * (end.x if along_x else end.y),
             metres=metres,
             speed=0.0 if row is not None else step.speed_of(writer.machine),
-            asks_before=step.asks_before(writer.machine),
             line=self._line_number(0 if along_x else 1, pose.y if along_x else pose.x, sign),
             first_need=first_need,
             last_need=len(self.needs),

@@ -86,6 +86,11 @@ LOOK_AHEAD = 3.0
 MOST_AHEAD = 3.0
 
 
+def asked_ahead(speed: float) -> float:
+    """Return how far before a gate a robot asks for its places, m. `speed`: m/s."""
+    return min(MOST_AHEAD, LOOK_AHEAD * speed)
+
+
 class Say(Step, frozen=True):
     """Set what the robot does from now on: `doing` for people, `state` for programs."""
 
@@ -162,7 +167,7 @@ class DriveTo(Step, frozen=True):
 
     def asks_before(self, machine: Machine) -> float:
         """Return how far before a gate a machine asks for its places, m."""
-        return min(MOST_AHEAD, LOOK_AHEAD * self.speed_of(machine))
+        return asked_ahead(self.speed_of(machine))
 
     def _ticks(self, robot: PlanExecutor, here: float, ahead: float, remaining: float) -> int:
         """Return for how many ticks the robot keeps its velocity, if nothing comes in its way.

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
-from quiet import quiet_layouts
+from quiet import NOBODY, quiet_layouts
 
+from orchard.event_model import start
+from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.program import SIDES, Program
 from orchard.field.layout import Layout, lay_out
 from orchard.field.rows import Block
@@ -58,3 +60,22 @@ def test_a_step_that_the_model_does_not_know_is_named(monkeypatch: pytest.Monkey
     monkeypatch.setattr(OneWay, "harvest", harvest)
     with pytest.raises(NotImplementedError, match="does not know the step Fill"):
         Program(lay_out(Scenario(rows=3, pickers=2, carriers=1)))
+
+
+@pytest.mark.parametrize("seed", [2, 4])
+def test_a_harvest_is_the_same_after_one_with_another_seed(seed: int) -> None:
+    """Seeds share a program, and rows are picked at other speeds with each."""
+    values = NOBODY | {
+        **{"rows": 8, "pickers": 4, "carriers": 3, "picking_speed": 0.5},
+        **{"dispatch": "predictive", "route": "one-way", "rows_to_pickers": "balanced"},
+        "picking": {"spread": {"distribution": "gamma", "cv": 0.3}},
+    }
+
+    def deliveries(of_seed: int) -> list[float]:
+        return EventHarvest(lay_out(Scenario(**values, seed=of_seed))).run().deliveries
+
+    start._prepared.cache_clear()
+    alone = deliveries(seed)
+    start._prepared.cache_clear()
+    deliveries(1)
+    assert deliveries(seed) == alone

@@ -37,9 +37,10 @@ from orchard.event_model.kernel.roads import (
 )
 from orchard.event_model.swing import ASIDE, CARRIER
 from orchard.field.scenario import TIME_STEP
-from orchard.plans import failures
+from orchard.plans import failures, steps
 from orchard.plans.robot import ASK, LOOK_AGAIN
 
+asked_ahead = inner(steps.asked_ahead)
 is_asked_for = inner(failures.is_asked_for)
 is_freed = inner(failures.is_freed)
 
@@ -285,9 +286,10 @@ def next_gate(m, robot):
     if me.next_need == op.last_need:
         return FAR, c.NEVER
     gate = m.needs[me.next_need]
-    is_near = gate.at - me.here < op.asks_before
+    ahead = asked_ahead(speed_of(m, op))
+    is_near = gate.at - me.here < ahead
     if not is_near:
-        before = gate.at - me.here - op.asks_before
+        before = gate.at - me.here - ahead
         stride = speed_of(m, op) * TIME_STEP
         return gate.at, max(1, floor(before / stride - NEAR) + 1)
     if gate.after_bin and not is_told_left(m, robot):

@@ -792,11 +792,9 @@ def test_farthest_first_is_better_than_nearest(tmp_path):
     assert "worse" not in [row.standing for row in two.table]
 
 
-def test_the_estimate_knows_how_long_runs_took(tmp_path, monkeypatch):
-    """The estimate of what is missing knows how long the runs of this study took.
-
-    Workers start, and wait for a busy machine: a run that took no time by itself took 30 s.
-    """
+@pytest.fixture
+def slow_runs(monkeypatch):
+    """Workers, each run of which takes 30 s of a clock that stands still else."""
     now = [1000.0]
     monkeypatch.setattr("orchard.study.replications.time.time", lambda: now[0])
 
@@ -806,25 +804,24 @@ def test_the_estimate_knows_how_long_runs_took(tmp_path, monkeypatch):
                 now[0] += 30.0
                 yield item, record
 
-    monkeypatch.setattr("orchard.study.study.processes", lambda count: SlowRuns(2))
+    return SlowRuns
+
+
+def test_the_estimate_knows_how_long_runs_took(tmp_path, monkeypatch, slow_runs):
+    """The estimate of what is missing knows how long the runs of this study took.
+
+    Workers start, and wait for a busy machine: a run that took no time by itself took 30 s.
+    """
+    monkeypatch.setattr("orchard.study.study.processes", lambda count: slow_runs(2))
     options = StudyOptions(budget_seconds=3600.0, store=tmp_path / "s.db")
     found = study(empty_orchard(rows=4, pickers=2), {"carriers": [1, 2, 3, 4, 5]}, options)
     assert len(found.not_run) == 3
     assert found.seconds_needed == pytest.approx(3 * 30.0)
 
 
-def test_the_estimate_counts_the_runs_that_were_done(tmp_path, monkeypatch):
+def test_the_estimate_counts_the_runs_that_were_done(tmp_path, monkeypatch, slow_runs):
     """Two settings have five runs each, of 30 s, and more are needed to tell them apart."""
-    now = [1000.0]
-    monkeypatch.setattr("orchard.study.replications.time.time", lambda: now[0])
-
-    class SlowRuns(FewRuns):
-        def do(self, work, items, goes_on):
-            for item, record in super().do(work, items, goes_on):
-                now[0] += 30.0
-                yield item, record
-
-    monkeypatch.setattr(module, "processes", lambda count: SlowRuns(2 * LOOKS[0]))
+    monkeypatch.setattr(module, "processes", lambda count: slow_runs(2 * LOOKS[0]))
     options = StudyOptions(
         model="fast", budget_seconds=3600.0, within=1e-4, store=tmp_path / "s.db"
     )

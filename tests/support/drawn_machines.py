@@ -4,12 +4,9 @@ from collections.abc import Iterator
 from random import Random
 from typing import Any
 
-from pydantic import ValidationError
-from quiet import NOBODY
+from quiet import NOBODY, laid_out
 
-from orchard.field.layout import Layout, lay_out
-from orchard.field.problems import ScenarioError
-from orchard.field.scenario import Scenario
+from orchard.field.layout import Layout
 
 POLICIES = ("nearest", "predictive", "rolling", "assignment")
 
@@ -17,15 +14,7 @@ POLICIES = ("nearest", "predictive", "rolling", "assignment")
 def drawn_machines(seed: int, count: int) -> Iterator[Layout]:
     """Yield so many layouts. What cannot be built is drawn again."""
     chances = Random(f"machines {seed}")
-    made = 0
-    while made < count:
-        values = _orchard(chances) | drawn_values(chances)
-        try:
-            layout = lay_out(Scenario.model_validate(values))
-        except (ScenarioError, ValidationError):
-            continue
-        made += 1
-        yield layout
+    return laid_out(lambda: _orchard(chances) | drawn_values(chances), count)
 
 
 def _orchard(chances: Random) -> dict[str, Any]:

@@ -36,11 +36,21 @@ def random_layouts(
 ) -> Iterator[Layout]:
     """Yield so many random layouts. `values_of`: what they have beside those of a quiet one."""
     chances = Random(seed)
-    made = 0
-    while made < count:
+
+    def drawn() -> dict[str, Any]:
         values = _values(chances)
         for group, more in values_of(chances).items():
             values[group] = values.get(group, {}) | more if isinstance(more, dict) else more
+        return values
+
+    return laid_out(drawn, count)
+
+
+def laid_out(drawn: Callable[[], dict[str, Any]], count: int) -> Iterator[Layout]:
+    """Yield the layouts of so many drawn scenarios. What cannot be built is drawn again."""
+    made = 0
+    while made < count:
+        values = drawn()
         try:
             layout = lay_out(Scenario.model_validate(values))
         except (ScenarioError, ValidationError):

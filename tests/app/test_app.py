@@ -139,7 +139,7 @@ NAVIGATES = {"Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}
 )
 def test_of_another_sites_requests_only_a_link_opens_the_page(server, headers, status):
     own = server[0].removeprefix("http://")
-    link = http.client.HTTPConnection(own, timeout=20)
+    link = http.client.HTTPConnection(own, timeout=PATIENCE)
     link.request("GET", "/?rows=7", headers=headers)
     answered = link.getresponse()
     link.close()

@@ -227,7 +227,7 @@ def test_a_slow_recorder_holds_physics_up_no_more_than_none(fleet, tmp_path):
 TICKS = 2000
 
 
-def wait_for(what, seconds: float = 60.0):
+def wait_for(what, seconds: float = PATIENCE):
     deadline = time.monotonic() + seconds
     while not (found := what()):
         assert time.monotonic() < deadline, "it never came"

@@ -48,7 +48,7 @@ def process_of(run: subprocess.Popen, word: str) -> psutil.Process:
 
 
 def first_process(run: subprocess.Popen, word: str) -> psutil.Process:
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + PATIENCE
     while time.monotonic() < deadline:
         with suppress(StopIteration, psutil.Error):  # not there yet, or just gone
             return process_of(run, word)

@@ -294,7 +294,8 @@ def test_two_machines_give_the_same_table_as_one(tmp_path):
 def wait_for_workers(machine: str) -> None:
     script = (
         "import sys; from distributed import Client\n"
-        "with Client(sys.argv[1], timeout=60) as client: client.wait_for_workers(2, timeout=60)\n"
+        f"with Client(sys.argv[1], timeout={PATIENCE}) as client:\n"
+        f"    client.wait_for_workers(2, timeout={PATIENCE})\n"
     )
     subprocess.run(
         [*within(machine), sys.executable, "-c", script, ADDRESS],

@@ -236,7 +236,7 @@ class Client(AnyClient):
         """All replies to a get: maps, or the texts of errors."""
         replies = list(
             self.session.get(
-                key, payload=payload, timeout=20.0, consolidation=zenoh.ConsolidationMode.NONE
+                key, payload=payload, timeout=PATIENCE, consolidation=zenoh.ConsolidationMode.NONE
             )
         )
         return [

@@ -58,7 +58,7 @@ def machines(*guests: str):
     finally:
         for name in names:
             subprocess.run(
-                [tool("ip"), "netns", "del", name], timeout=20, stderr=subprocess.DEVNULL
+                [tool("ip"), "netns", "del", name], timeout=PATIENCE, stderr=subprocess.DEVNULL
             )
 
 
@@ -135,7 +135,7 @@ def slowed(host: str, guest: int, *bucket: str) -> None:
     subprocess.run(
         [tool("tc"), "-n", host, "qdisc", "add", "dev", f"v{guest}", "root", "tbf", *bucket],
         check=True,
-        timeout=20,
+        timeout=PATIENCE,
     )
 
 

@@ -396,7 +396,7 @@ def test_a_recording_opens_after_a_kill(tmp_path: Path) -> None:
         "PYTHONPATH": os.pathsep.join([str(root / "tests" / "support"), str(root)])
     }
     killed = subprocess.run(
-        [sys.executable, "-c", KILLED, str(path)], env=environment, timeout=60, check=False
+        [sys.executable, "-c", KILLED, str(path)], env=environment, timeout=PATIENCE, check=False
     )
     assert killed.returncode < 0
     assert max(t for t, _ in Rows(path, "/tf").rows) == 20.0

@@ -195,13 +195,13 @@ class EventHarvest:
         for that. Raises PolicyFault.
         """
         # Another harvest of this program may have made it grow.
-        self._take_program()
+        self.take_program()
         while True:
             reason = self._carry_on(self.model, c.QUARTERS * until)
             if reason == c.LACKS_JOB:
                 desk = self.model.desk[0]
                 self.program.translate_job(int(desk.missing_line), int(desk.missing_end))
-                self._take_program()
+                self.take_program()
             elif reason == c.LACKS_DRAWS:
                 self._draw_more()
             elif reason == c.ASKS_POLICY and self._policy is not None:
@@ -241,7 +241,7 @@ class EventHarvest:
                 self.model.distances[carrier, end] = metres
         self.model.desk.knows_ways = True
 
-    def _take_program(self) -> None:
+    def take_program(self) -> None:
         """Take over the arrays of the program, which may be new ones because it has grown."""
         self.model = self.model._replace(**self.program.arrays())
 

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from quiet import NOBODY, quiet_layouts
 
+from orchard.event_model import columns as c
 from orchard.event_model.begun.begin import begin_at
 from orchard.event_model.begun.moment import RunMoment
 from orchard.event_model.begun.robots import NotInPlanError
@@ -14,6 +15,7 @@ from orchard.event_model.harvest import EventHarvest
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import TICKS_PER_SECOND, Scenario
 from orchard.local import Local
+from orchard.plans.steps import Face
 
 # Ticks by which each delivery may differ where no decision does.
 NEAR = 20
@@ -237,3 +239,39 @@ def test_other_machines_go_on_where_the_run_does() -> None:
     assert len(begun) > 60
     apart = {tick: farthest_apart(delivered, harvest) for tick, harvest in begun.items()}
     assert not {tick: off for tick, off in apart.items() if off > NEAR}
+
+
+def test_who_follows_a_carrier_that_turns_off_drives_on() -> None:
+    """The carrier ahead turns into its line of the queue, and then along that: a moment in the
+    second turn.
+    """
+    queueing = {"rows": 6, "pickers": 6, "carriers": 8, "route": "one-way", "dispatch": "nearest"}
+    run = Local(lay_out_small(**queueing).scenario, is_hashed=False)
+    ahead = "carrier_04"
+    behind = "carrier_02"
+    while run.engine.tick < 2800 or not faces(run, ahead, "EAST"):
+        run.tick()
+    begun = {}
+    while faces(run, ahead, "EAST"):
+        begun[run.engine.tick] = begin_at(moment_of(run))
+        run.tick()
+    while not faces(run, behind, "SOUTH"):
+        run.tick()
+    turned = {tick: begin_of_turn(harvest, behind, tick) for tick, harvest in begun.items()}
+    assert len(turned) > 30
+    assert turned == dict.fromkeys(begun, pytest.approx(run.engine.tick, abs=2))
+
+
+def faces(run: Local, name: str, heading: str) -> bool:
+    """Whether a robot turns to a heading."""
+    memory = run.memories.get(name)
+    return bool(memory and memory.plan and memory.plan[0] == Face(heading))
+
+
+def begin_of_turn(harvest: EventHarvest, name: str, tick: int) -> int:
+    """Return when a robot begins its next turn after a tick. Carry the harvest on to that."""
+    robot = harvest.model.robots[harvest.names.index(name)]
+    while harvest.model.ops[robot.op].kind != c.TURN and tick < LONGEST:
+        harvest.advance(tick + 1)
+        tick += 1
+    return tick - 1

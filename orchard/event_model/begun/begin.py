@@ -33,6 +33,7 @@ def begin_at(moment: RunMoment) -> EventHarvest:
         return harvest
     claims = Claims(moment)
     robots = Robots(moment, harvest, claims)
+    harvest.take_program()
     doing = robots.all()
     lines = LinesOfRobots(harvest, robots.ops)
     on_lines = [lines.place(me) for me in doing]

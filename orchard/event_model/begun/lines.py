@@ -11,8 +11,8 @@ import numpy as np
 from orchard.event_model import columns as c
 from orchard.event_model.begun.robots import Doing, Ops
 from orchard.event_model.harvest import EventHarvest
-from orchard.event_model.kernel import roads
-from orchard.event_model.kernel.roads import BESIDE, CLEAR, NEAR
+from orchard.event_model.kernel import drives, roads
+from orchard.event_model.kernel.roads import BESIDE, CLEAR, NEAR, OFF_THE_LINE
 from orchard.event_model.plain import as_python
 from orchard.event_model.program import Program
 from orchard.plans import steps as st
@@ -42,6 +42,7 @@ class LinesOfRobots:
 
     def __init__(self, harvest: EventHarvest, ops: Ops) -> None:
         self._harvest = harvest
+        self._model = harvest.model
         self._program: Program = harvest.program
         self._ops = ops
         self._blocks = harvest.layout.blocks
@@ -126,23 +127,42 @@ class LinesOfRobots:
 
     def _go_on_turning(self, on_line: OnLine, me: Doing) -> None:
         """Set what remains until the bin, or the robot, is out of the way of those behind."""
+        has_bin = me.bin != c.NONE
+        is_carrier_towing = has_bin and me.name not in self._blocks
         swings = int(self._ops.swings[me.op])
-        if me.bin != c.NONE and not on_line.is_across and me.name not in self._blocks:
-            assert me.alarm is not None
-            me.more["swings_since"] = me.alarm - int(self._ops.ticks[me.op])
+        if has_bin and not on_line.is_across:
+            if is_carrier_towing:
+                self._note_swing(me, is_aside=False)
+            self._swing_for(on_line, me, swings, c.SWINGING_BIN)
+        elif on_line.is_across and self._is_beside(on_line, me):
+            if is_carrier_towing and self._leads_back(on_line, me):
+                self._note_swing(me, is_aside=True)
+                off_the_line = as_python(roads.ticks_of_parts)(self._model, OFF_THE_LINE)
+                swings = min(int(self._ops.ticks[me.op]), off_the_line)
+            self._swing_for(on_line, me, swings, c.SWINGING_OFF)
+
+    def _leads_back(self, on_line: OnLine, me: Doing) -> bool:
+        """Whether a robot turns into a line beside the one that it has left, along it."""
+        leads_back: bool = as_python(drives.leads_back)(self._model, me.op, on_line.line)
+        return leads_back
+
+    def _note_swing(self, me: Doing, is_aside: bool) -> None:
+        """Set since when a carrier swings its bin, as those behind it see."""
+        me.more["swings_since"] = self._turns_until(me) - int(self._ops.ticks[me.op])
+        me.more["swings_aside"] = is_aside
+
+    def _swing_for(self, on_line: OnLine, me: Doing, swings: int, state: int) -> None:
+        """Be out of the way after so many ticks of the turn, or be so by now."""
         if me.turned >= swings:
             self._swing(on_line, me, me.bin != c.NONE)
-        elif me.bin != c.NONE and not on_line.is_across:
-            me.state = c.SWINGING_BIN
-            me.alarm = self._until_swung(me, swings)
-        elif on_line.is_across and self._is_beside(on_line, me):
-            me.state = c.SWINGING_OFF
-            me.alarm = self._until_swung(me, swings)
+            return
+        me.state = state
+        me.alarm = self._turns_until(me) - (int(self._ops.ticks[me.op]) - swings)
 
-    def _until_swung(self, me: Doing, swings: int) -> int:
-        """Return the tick at which a robot has turned for so many ticks."""
+    def _turns_until(self, me: Doing) -> int:
+        """Return the tick at which a robot that turns has turned."""
         assert me.alarm is not None
-        return me.alarm - (int(self._ops.ticks[me.op]) - swings)
+        return me.alarm
 
     def _go_on_driving(self, on_line: OnLine, me: Doing) -> None:
         """Set where a robot is on its drive, and up to where it drives."""

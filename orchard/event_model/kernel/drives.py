@@ -387,13 +387,20 @@ def swing_bin(m, robot, is_aside):
 def turns_back(m, robot):
     """Whether a carrier turns in a line of the queue beside the one that it has left, along it."""
     me = m.robots[robot]
-    after = me.op + 1
+    is_towing = me.tows == CARRIER_TOWS and me.bin != c.NONE
+    return is_towing and leads_back(m, me.op, me.line)
+
+
+@inner
+def leads_back(m, turn_op, left_line):
+    """Whether a turn leads into a line of the queue beside the line that was left, along it."""
+    after = turn_op + 1
     while m.ops[after].kind == c.HOME or m.ops[after].kind == c.CHARGE:
         after += 1
     following = m.ops[after]
-    if me.tows != CARRIER_TOWS or me.bin == c.NONE or following.kind != c.DRIVE:
+    if following.kind != c.DRIVE:
         return False
-    left = m.lines[me.line]
+    left = m.lines[left_line]
     line = m.lines[following.line]
     is_along = line.axis == left.axis and line.sign == left.sign
     return is_along and abs(abs(line.other - left.other) - ASIDE) < NEAR

@@ -7,12 +7,12 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from orchard.field.geojson import import_rows
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError, printable
 from orchard.field.scenario import Scenario, to_short_yaml
 from orchard.field.survey import Survey
 from orchard.folders import write_whole
+from orchard.surveys.importing import import_rows
 from orchard.terminal.catalogue import CommandEntry
 from orchard.terminal.exits import exit_on_errors, needs_extra
 from orchard.terminal.group import LazyGroup

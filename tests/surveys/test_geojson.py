@@ -15,12 +15,12 @@ from hypothesis import strategies as st
 from made_surveys import CIRCUIT, THERE, UNEQUAL, Row, points_of, rows, write_geojson
 from stage import Stage
 
-from orchard.field.geojson import import_rows
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.queue import ONE_WAY, TWO_WAY
 from orchard.field.scenario import parse, to_short_yaml, with_changes
 from orchard.field.survey import CLOSEST, WIDEST_GAP
+from orchard.surveys.importing import import_rows
 
 pyproj = pytest.importorskip(
     "pyproj", reason="pyproj is missing: pip install 'orchard-sim[survey,dev]'"
@@ -317,7 +317,7 @@ UNUSABLE = [
     (
         '{"features": [7]}',
         None,
-        "feature number 1: is null; each feature must be one LineString, the centre line of a row",
+        "feature number 1: is 7; must be a Feature, a map with a geometry",
     ),
     (
         TEXT,

@@ -1,0 +1,48 @@
+"""What every file of a survey is read into: features with their points."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from orchard.field.problems import Problem, printable
+
+LINE = "line"
+POLYGON = "polygon"
+POINT = "point"
+# Properties that name a feature without an id.
+NAMES = ("id", "fid", "name", "row")
+
+
+class Feature(NamedTuple):
+    """A thing on the map: a row, a tree, an outline, a shed."""
+
+    name: str
+    #: LINE, POLYGON or POINT; "" for what is none of them.
+    kind: str
+    #: What the file calls its kind: "'MultiLineString'".
+    kind_in_file: str
+    #: (n,) complex each: easting + i northing, in the file's system, or m about the middle of all.
+    #: The lines of a line, the outlines of polygons, the points.
+    parts: tuple[np.ndarray, ...]
+    properties: Mapping[str, Any]
+    #: What is wrong with its points; "": nothing.
+    fault: str = ""
+
+
+class SurveyFile(NamedTuple):
+    """What a file holds."""
+
+    features: list[Feature]
+    #: The name of the file's coordinate system.
+    crs: str
+    #: What is wrong with parts of the file that are no features.
+    problems: list[Problem]
+
+
+def name_of(candidates: list[Any], number: int) -> str:
+    """Return what names a feature: the first candidate that can, else its number in the file."""
+    for candidate in candidates:
+        if isinstance(candidate, str | int) and str(candidate):
+            return printable(str(candidate), 60)
+    return f"number {number}"

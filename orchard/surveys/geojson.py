@@ -1,0 +1,120 @@
+"""Reads GeoJSON (RFC 7946), in any coordinate system."""
+
+import cmath
+import json
+import math
+from typing import Any
+
+import numpy as np
+
+from orchard.field.problems import Problem, ScenarioError, printable, show
+from orchard.surveys.features import LINE, NAMES, POINT, POLYGON, Feature, SurveyFile, name_of
+
+LONGITUDE_LATITUDE = "OGC:CRS84"  # of a GeoJSON file that names no system (RFC 7946)
+# Type of a geometry -> the kind of feature, and how many lists deep its parts stand.
+_KINDS = {
+    "Point": (POINT, 0),
+    "MultiPoint": (POINT, 0),
+    "LineString": (LINE, 0),
+    "MultiLineString": (LINE, 1),
+    "Polygon": (POLYGON, 0),
+    "MultiPolygon": (POLYGON, 1),
+}
+
+
+def read_geojson(text: bytes, file: str) -> SurveyFile:
+    """Return what a GeoJSON text holds. Raises ScenarioError if it is none."""
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ScenarioError([Problem(file, f"is not JSON: {printable(str(error))}")]) from None
+    if not isinstance(content, dict) or not isinstance(content.get("features"), list):
+        raise ScenarioError([Problem(file, "must be a GeoJSON FeatureCollection")])
+    features = []
+    problems = []
+    for number, members in enumerate(content["features"], start=1):
+        if isinstance(members, dict):
+            features.append(_feature(members, number))
+        else:
+            wanted = "must be a Feature, a map with a geometry"
+            problem = Problem(file, f"is {show(members)}; {wanted}", f"feature number {number}")
+            problems.append(problem)
+    return SurveyFile(features, _named_system(content), problems)
+
+
+def _named_system(content: dict[str, Any]) -> str:
+    """Return the coordinate system that a file names, as GeoJSON of 2008 does, and QGIS and GDAL
+    still do.
+    """
+    crs = content.get("crs")
+    properties = crs.get("properties") if isinstance(crs, dict) else None
+    name = properties.get("name") if isinstance(properties, dict) else None
+    return name if isinstance(name, str) else LONGITUDE_LATITUDE
+
+
+def _feature(members: dict[str, Any], number: int) -> Feature:
+    """Return a feature. `number`: its place in the file, from 1."""
+    properties = members.get("properties")
+    if not isinstance(properties, dict):
+        properties = {}
+    name = name_of([members.get("id"), *(properties.get(key) for key in NAMES)], number)
+    geometry = members.get("geometry")
+    if not isinstance(geometry, dict):
+        geometry = {}
+    kind_in_file = geometry.get("type")
+    kind = ""
+    depth = 0
+    if isinstance(kind_in_file, str):
+        kind, depth = _KINDS.get(kind_in_file, ("", 0))
+    feature = Feature(name, kind, show(kind_in_file), (), properties)
+    if not kind:
+        return feature
+    coordinates = geometry.get("coordinates")
+    listed = coordinates if depth else [coordinates]
+    try:
+        if not isinstance(listed, list):
+            raise ValueError("must have at least two different points")
+        parts = []
+        for part in listed:
+            parts.append(_part(part, kind, kind_in_file == "Point"))
+    except ValueError as error:
+        return feature._replace(fault=str(error))
+    return feature._replace(parts=tuple(parts))
+
+
+def _part(coordinates: Any, kind: str, is_single: bool) -> np.ndarray:
+    """Return the points of a line, of a polygon's outline, or of points, (n,) complex.
+
+    Raises ValueError for what is none.
+    """
+    if is_single:
+        coordinates = [coordinates]
+    if kind == POLYGON:
+        # The first ring is the outline; the others are holes.
+        coordinates = coordinates[0] if isinstance(coordinates, list) and coordinates else []
+    if not isinstance(coordinates, list):
+        coordinates = []
+    points = np.array([_point(number, pair) for number, pair in enumerate(coordinates, start=1)])
+    if kind != POINT and (len(points) < 2 or np.abs(points - points[0]).max() == 0.0):
+        raise ValueError("must have at least two different points")
+    return points
+
+
+def _point(number: int, coordinates: Any) -> complex:
+    """Return a point. Raises ValueError, with its number in the line, for what is none."""
+    try:
+        x, y, *_ = coordinates
+        # "176.3" and true are no numbers of JSON.
+        are_numbers = type(x) in (int, float) and type(y) in (int, float)
+        point = complex(math.nan)
+        if are_numbers:
+            point = complex(float(x), float(y))
+    except (TypeError, ValueError, OverflowError):
+        point = complex(math.nan)
+    if not cmath.isfinite(point):
+        text = printable(json.dumps(coordinates), 60)
+        raise ValueError(
+            f"its point {number} is {text}; each point must be two finite numbers, such as [176.3,"
+            " -37.8]"
+        )
+    return point

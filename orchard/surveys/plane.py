@@ -1,0 +1,140 @@
+"""Coordinate systems: from that of a file to metres on the ground.
+
+Features are put into a projected system that keeps angles: their own, or the zone of UTM. A point
+is a complex number here: easting + i northing. Only this module uses pyproj, and only when rows
+are imported: it is in the extra `survey`.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from orchard.field.problems import printable
+from orchard.surveys.features import Feature
+
+RIGHT_SYSTEM = "name that of the file, geographic or projected: --crs EPSG:2193, for example"
+STEP = 100.0  # m along each axis, in which the scale of a system is measured
+CONFORMAL = 1e-4  # share by which its scales along both axes may differ
+
+
+class Plane(NamedTuple):
+    """A projected coordinate system at an orchard."""
+
+    crs: str
+    middle: complex  # of the orchard, in the system's unit
+    scale: float  # of the system's units in a metre on the ground
+
+
+def on_a_plane(features: Sequence[Feature], name: str) -> tuple[Plane, list[Feature]]:
+    """Return a projected system that keeps angles, and the features in it, m about their middle.
+
+    `name`: of the features' own system. Raises ValueError if it cannot be used.
+    """
+    from pyproj import CRS
+    from pyproj.exceptions import ProjError
+
+    try:
+        own = CRS.from_user_input(name)
+        if not (own.is_geographic or own.is_projected):
+            raise ValueError(
+                f"{_words(name)} has no places on a map: it is {own.type_name}; {RIGHT_SYSTEM}"
+            )
+        # This also finds points outside a projected system.
+        on_globe = _converted(own, own.geodetic_crs or own, features)
+        crs = own
+        scale = _scale(own, _middle_of(features)) if own.is_projected else 0.0
+        if not scale:
+            crs = CRS.from_epsg(_utm_zone(_middle_of(on_globe)))
+            features = _converted(own, crs, features)
+            scale = _scale(crs, _middle_of(features))
+    except (ProjError, UnicodeError) as error:
+        fault = str(error).rpartition("proj_create: ")[2].rstrip(")")
+        raise ValueError(
+            f"{_words(name)} cannot be used: {printable(fault)}; {RIGHT_SYSTEM}"
+        ) from None
+    plane = Plane(crs.to_string(), _middle_of(features), scale)
+    in_metres = []
+    for feature in features:
+        parts = tuple((points - plane.middle) / plane.scale for points in feature.parts)
+        in_metres.append(feature._replace(parts=parts))
+    return plane, in_metres
+
+
+def _utm_zone(place: complex) -> int:
+    """Return the EPSG number of the zone of UTM at a longitude and latitude, degrees."""
+    zone = int((place.real + 180.0) // 6.0) % 60 + 1
+    is_south = place.imag < 0
+    return (32700 if is_south else 32600) + zone
+
+
+def _words(name: str) -> str:
+    """Return a coordinate system in words."""
+    return f"the coordinate system {printable(name, 60)!r}"
+
+
+def _converted(source: Any, target: Any, features: Sequence[Feature]) -> list[Feature]:
+    """Return features of one coordinate system in another one.
+
+    Raises ValueError for a point that is no place in the first one.
+    """
+    from pyproj import Transformer
+
+    transformer = Transformer.from_crs(source, target, always_xy=True)
+    most_x = 180.0 if source.is_geographic else math.inf
+    most_y = 90.0 if source.is_geographic else math.inf
+    converted = []
+    for feature in features:
+        parts = []
+        for part in feature.parts:
+            x, y = transformer.transform(part.real, part.imag)
+            # A place that is none is infinite, and refused below.
+            with np.errstate(invalid="ignore"):
+                points = np.asarray(x) + 1j * np.asarray(y)
+            is_within = np.abs(part.real) <= most_x
+            is_within &= np.abs(part.imag) <= most_y
+            is_place = is_within & np.isfinite(points)
+            if not is_place.all():
+                point = complex(part[~is_place][0])
+                raise ValueError(
+                    f"({point.real:.10g}, {point.imag:.10g}) of feature {feature.name} is no place"
+                    f" in the coordinate system {printable(source.name)}; {RIGHT_SYSTEM}"
+                )
+            parts.append(points)
+        converted.append(feature._replace(parts=tuple(parts)))
+    return converted
+
+
+def _scale(crs: Any, middle: complex) -> float:
+    """Return a projected system's units in a metre on the ground; 0 if they differ between its
+    axes, or these are not east and north.
+    """
+    from pyproj import Transformer
+
+    if {axis.direction for axis in crs.axis_info[:2]} != {"east", "north"}:
+        return 0.0
+    to_globe = Transformer.from_crs(crs, crs.geodetic_crs, always_xy=True)
+    units = STEP / crs.axis_info[0].unit_conversion_factor
+    scales = []
+    for axis in (1, 1j):
+        begin = middle - units * axis / 2
+        end = middle + units * axis / 2
+        lon, lat = to_globe.transform([begin.real, end.real], [begin.imag, end.imag])
+        _, _, metres = crs.get_geod().inv(lon[0], lat[0], lon[1], lat[1])
+        scales.append(units / metres)
+    scale_east, scale_north = scales
+    if abs(scale_east / scale_north - 1.0) > CONFORMAL:
+        return 0.0
+    return float(scale_east)
+
+
+def _middle_of(features: Sequence[Feature]) -> complex:
+    """Return the middle of all points."""
+    points = np.concatenate([part for feature in features for part in feature.parts])
+    return complex(middle(points.real), middle(points.imag))
+
+
+def middle(values: np.ndarray) -> float:
+    """Return the middle between the least and the greatest value."""
+    return float(values.min() + values.max()) / 2

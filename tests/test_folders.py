@@ -37,7 +37,7 @@ def read(request):
     ("read", "why"),
     [
         (("orchard.field.scenario", "load"), "is no regular file"),
-        (("orchard.surveys.importing", "import_rows"), "is no regular file"),
+        (("orchard.surveys.importing", "import_survey"), "is no regular file"),
         (("orchard.bags.replay", "read_commands"), "bag: is no regular file"),
         (("orchard.study.store", "Store"), "is no store"),
     ],

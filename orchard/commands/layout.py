@@ -12,18 +12,44 @@ from orchard.field.problems import ScenarioError, printable
 from orchard.field.scenario import Scenario, to_short_yaml
 from orchard.field.survey import Survey
 from orchard.folders import write_whole
-from orchard.surveys.importing import import_rows
+from orchard.report.plan import orchard_plan
+from orchard.surveys.importing import import_survey
+from orchard.surveys.options import Imported, ImportOptions, Lines
 from orchard.terminal.catalogue import CommandEntry
 from orchard.terminal.exits import exit_on_errors, needs_extra
 from orchard.terminal.group import LazyGroup
-from orchard.terminal.output import print_line
+from orchard.terminal.output import print_error, print_line
 
-_ROWS = "The centre lines of the rows, a LineString each."
+_ROWS = "Rows as lines or polygons, or trees as points."
 _SYSTEM = "Their coordinate system, such as EPSG:2193. Default: the one that the file names."
 _NEW_SCENARIO = "A new file for the scenario. Default: stdout."
-GeoJson = Annotated[Path, Argument(metavar="FILE.geojson", help=_ROWS, show_default=False)]
+_PLAN = "Draw the orchard."
+_LINES = "What the lines are. Default: lanes; points are trees."
+_SWAP = "The file has the northing, or the latitude, first."
+_BLOCK = "Only the rows of this block."
+_WITHOUT = "A feature that is no row (repeatable)."
+_DIRECTION = "Of rows in an outline: clockwise from north."
+_SPACING = "Of rows in an outline: from one to the next."
+_HEADLAND = "Of rows in an outline: without trees at both ends."
+_OUTLINE = "The outline of a block"
+SurveyPath = Annotated[Path, Argument(metavar="FILE", help=_ROWS, show_default=False)]
 System = Annotated[str | None, Option("--crs", metavar="NAME", help=_SYSTEM)]
 NewScenario = Annotated[Path | None, Option("--out", metavar="SCENARIO.yaml", help=_NEW_SCENARIO)]
+Plan = Annotated[Path | None, Option("--plan", metavar="FILE.svg", help=_PLAN)]
+LinesAre = Annotated[Lines | None, Option("--lines", help=_LINES)]
+Swap = Annotated[bool | None, Option("--swap-coordinates/--keep-coordinates", help=_SWAP)]
+OnlyBlock = Annotated[str | None, Option("--block", metavar="NAME", help=_BLOCK)]
+Without = Annotated[list[str] | None, Option("--without", metavar="NAME", help=_WITHOUT)]
+Direction = Annotated[
+    float | None,
+    Option("--direction", metavar="DEGREES", help=_DIRECTION, rich_help_panel=_OUTLINE),
+]
+Spacing = Annotated[
+    float | None, Option("--spacing", metavar="METRES", help=_SPACING, rich_help_panel=_OUTLINE)
+]
+Headland = Annotated[
+    float | None, Option("--headland", metavar="METRES", help=_HEADLAND, rich_help_panel=_OUTLINE)
+]
 
 
 layout = LazyGroup(
@@ -37,21 +63,64 @@ layout = LazyGroup(
 )
 
 
-def write_scenario(file: GeoJson, out: NewScenario = None, crs: System = None) -> None:
+def write_scenario(
+    file: SurveyPath,
+    out: NewScenario = None,
+    plan: Plan = None,
+    *,
+    crs: System = None,
+    lines: LinesAre = None,
+    swap_coordinates: Swap = None,
+    block: OnlyBlock = None,
+    without: Without = None,
+    spacing: Spacing = None,
+    direction: Direction = None,
+    headland: Headland = None,
+) -> None:
     """Make a scenario from surveyed rows."""
+    options = ImportOptions(
+        crs=crs,
+        lines=lines,
+        swap_coordinates=swap_coordinates,
+        block=block,
+        without=tuple(without or ()),
+        spacing=spacing,
+        direction=direction,
+        headland=headland,
+    )
     with exit_on_errors(ScenarioError, OSError), needs_extra("An import", "survey"):
-        scenario = import_rows(file, crs)
+        for path, name in ((out, "--out"), (plan, "--plan")):
+            if path is not None and path.exists():
+                raise FileExistsError(f"{path}: there is such a file; {name} must name a new one")
+        imported = import_survey(file, options)
         text = (
             f"# The rows of {printable(file.name)}; `orchard layout import` made this scenario.\n"
-            f"{to_short_yaml(scenario)}"
+            f"{to_short_yaml(imported.scenario)}"
         )
+        sizes = _sizes(imported.scenario)
+        if plan is not None:
+            words = f"{sizes.partition(';')[0]}; {_place(imported)}"
+            write_whole(plan, orchard_plan(lay_out(imported.scenario), words).encode())
+        # What stdout gets is the scenario, if no file gets it.
+        tell = print_error if out is None else print_line
         if out is None:
             print_line(text.rstrip())
-            return
-        if out.exists():
-            raise FileExistsError(f"{out}: there is such a file; --out must name a new one")
-        write_whole(out, text.encode())
-        print_line(f"{out}: {_sizes(scenario)}")
+        else:
+            write_whole(out, text.encode())
+            print_line(f"{out}: {sizes}")
+        tell(f"- {_place(imported)}")
+        for note in imported.notes:
+            tell(f"- {note}")
+
+
+def _place(imported: Imported) -> str:
+    """Return where an orchard lies, and how its rows run, in words."""
+    north = "S" if imported.latitude < 0 else "N"
+    east = "W" if imported.longitude < 0 else "E"
+    return (
+        f"middle at {abs(imported.latitude):.5f} {north}, {abs(imported.longitude):.5f} {east};"
+        f" rows run {imported.direction:.1f} degrees clockwise from grid north"
+    )
 
 
 def _sizes(scenario: Scenario) -> str:

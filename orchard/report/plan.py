@@ -104,9 +104,13 @@ class Drawing:
         return "\n".join([head, *self.elements, "</svg>", ""])
 
 
-def orchard_plan(layout: Layout) -> str:
-    """Return the drawing of the whole orchard, with all bodies at their starts."""
-    drawing = Drawing(layout, X_WEST - 1, layout.bottom - 1, layout.east + 1, layout.top + 1)
+def orchard_plan(layout: Layout, title: str = "") -> str:
+    """Return the drawing of the whole orchard, with all bodies at their starts, and a title."""
+    above = 5 if title else 1
+    drawing = Drawing(layout, X_WEST - 1, layout.bottom - 1, layout.east + 1, layout.top + above)
+    if title:
+        height = min(2.4, 1.6 * (layout.east + 1 - X_WEST) / len(title))
+        drawing.label(X_WEST, layout.top + 1.7, title, height)
     for start in layout.starts:
         half_x, half_y = _half_sizes(start.kind)
         paint = _paint(start.kind)

@@ -7,6 +7,8 @@ import numpy as np
 
 from orchard.field.problems import Problem, printable
 
+# The system of a file that names none: of GeoJSON (RFC 7946), of KML, of latitude and longitude.
+LONGITUDE_LATITUDE = "OGC:CRS84"
 LINE = "line"
 POLYGON = "polygon"
 POINT = "point"
@@ -34,10 +36,12 @@ class SurveyFile(NamedTuple):
     """What a file holds."""
 
     features: list[Feature]
-    #: The name of the file's coordinate system.
+    #: The name of the file's coordinate system; "" if it is not known.
     crs: str
     #: What is wrong with parts of the file that are no features.
     problems: list[Problem]
+    #: What was assumed of the file, a sentence each.
+    notes: tuple[str, ...] = ()
 
 
 def name_of(candidates: list[Any], number: int) -> str:

@@ -8,9 +8,17 @@ from typing import Any
 import numpy as np
 
 from orchard.field.problems import Problem, ScenarioError, printable, show
-from orchard.surveys.features import LINE, NAMES, POINT, POLYGON, Feature, SurveyFile, name_of
+from orchard.surveys.features import (
+    LINE,
+    LONGITUDE_LATITUDE,
+    NAMES,
+    POINT,
+    POLYGON,
+    Feature,
+    SurveyFile,
+    name_of,
+)
 
-LONGITUDE_LATITUDE = "OGC:CRS84"  # of a GeoJSON file that names no system (RFC 7946)
 # Type of a geometry -> the kind of feature, and how many lists deep its parts stand.
 _KINDS = {
     "Point": (POINT, 0),

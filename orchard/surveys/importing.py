@@ -1,75 +1,195 @@
 """A scenario from a file of surveyed rows: the way that all formats take."""
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
+from statistics import median
 
 from orchard.field.problems import Problem, ScenarioError, key_text
-from orchard.field.scenario import Scenario
-from orchard.field.survey import FEWEST_ROWS, MOST_ROWS
-from orchard.folders import regular
-from orchard.surveys.features import LINE, Feature, SurveyFile
-from orchard.surveys.geojson import read_geojson
-from orchard.surveys.plane import on_a_plane
-from orchard.surveys.rows import SurveyedLine, faults_of_lines, scenario_of, turned
+from orchard.field.survey import FEWEST_ROWS, MOST_ROWS, TRUNK
+from orchard.surveys.choosing import Chosen, blocks_of, chosen, listed
+from orchard.surveys.features import POINT, POLYGON, Feature
+from orchard.surveys.files import read_survey
+from orchard.surveys.options import LANES, TREES, Imported, ImportOptions, Source
+from orchard.surveys.outlines import lines_of_polygons
+from orchard.surveys.pieces import joined
+from orchard.surveys.plane import on_a_plane, place_on_globe
+from orchard.surveys.rows import (
+    SurveyedLine,
+    TurnedLines,
+    faults_of_lines,
+    scenario_of,
+    turned,
+)
+from orchard.surveys.swapped import reason_to_swap, with_swapped
+from orchard.surveys.tree_lines import lanes_between, note_of_lines
+from orchard.surveys.trees import lines_of_trees
 
-LARGEST_FILE = 10_000_000  # bytes
 
+def import_survey(path: Path, options: ImportOptions = ImportOptions()) -> Imported:
+    """Return a scenario with the rows of a file, and what was left out, joined or assumed.
 
-def import_rows(path: Path, crs: str | None = None) -> Scenario:
-    """Return a scenario with the rows of a GeoJSON file.
-
-    `crs`: their coordinate system, such as EPSG:2193; None: the one in the file.
-
-    Raises ScenarioError with all that does not fit, and ModuleNotFoundError if pyproj is not
-    installed.
+    Raises ScenarioError with all that does not fit, and ModuleNotFoundError if a package of the
+    extra is not installed.
     """
     file = key_text(str(path))
-    content = _content(path, file)
-    features, problems = _rows_of(content, file)
-    if not FEWEST_ROWS <= len(features) <= MOST_ROWS:
-        wanted = (
-            f"must be {FEWEST_ROWS} to {MOST_ROWS} LineStrings; of a larger orchard, a file for"
-            " each block"
-        )
-        problems.append(Problem(file, f"has {len(features)} rows; {wanted}"))
-    if not features:
-        raise ScenarioError(problems)
+    source = Source(file, path, options)
+    _check(options)
+    survey = read_survey(path, file)
+    selection = chosen(survey.features, source)
+    problems = list(survey.problems)
+    usable = []
+    for feature in selection.features:
+        if feature.fault:
+            problems.append(Problem(file, feature.fault, f"feature {feature.name}"))
+        else:
+            usable.append(feature)
+    if not usable:
+        raise ScenarioError([*problems, _too_few(file, 0)])
+    system = survey.crs if options.crs is None else options.crs
+    if not system and options.crs is None:
+        text = f"does not say its coordinate system: {options.command(file, crs='EPSG:2193')}"
+        raise ScenarioError([*problems, Problem(file, f"{text}, for example")])
+    usable = _in_order(usable, system, source)
     try:
-        plane, features = on_a_plane(features, content.crs if crs is None else crs)
+        plane, on_ground = on_a_plane(usable, system)
     except ValueError as error:
         raise ScenarioError([*problems, Problem(file, str(error))]) from None
-    rows = turned([SurveyedLine(feature.name, feature.parts[0]) for feature in features])
-    for name, text in faults_of_lines(rows.lines):
+    notes = [*survey.notes, *selection.notes]
+    rows, notes_of_rows = _rows_of(on_ground, selection, source)
+    notes += notes_of_rows
+    if not FEWEST_ROWS <= len(rows.lines) <= MOST_ROWS:
+        problems.append(_too_few(file, len(rows.lines)))
+    faults = list(faults_of_lines(rows.lines)) if rows.lines else []
+    for name, text in faults:
         problems.append(Problem(file, text, f"feature {name}"))
     if problems:
+        hints = _hints(rows, usable, source) if faults or len(rows.lines) > MOST_ROWS else []
+        raise ScenarioError([*problems, *hints])
+    blocks = blocks_of(usable)
+    if len(blocks) > 1:
+        notes.append(
+            f"blocks {listed(list(blocks))} are one orchard with one fleet at a time; one alone:"
+            f" {source.command(block=next(iter(blocks)))}"
+        )
+    latitude, longitude = place_on_globe(plane)
+    return Imported(
+        scenario_of(rows, plane, file),
+        notes,
+        latitude,
+        longitude,
+        math.degrees(math.pi / 2 - rows.yaw) % 180.0,
+    )
+
+
+def _check(options: ImportOptions) -> None:
+    """Raise ScenarioError for options that would have no effect."""
+    problems = []
+    if options.spacing is None:
+        for name, value in (("direction", options.direction), ("headland", options.headland)):
+            if value is not None:
+                text = "is for the outline of a block; give --spacing too"
+                problems.append(Problem(f"--{name}", text))
+    elif options.lines is not None:
+        text = "an outline has no lines; leave out --lines or --spacing"
+        problems.append(Problem("--lines", text))
+    if problems:
         raise ScenarioError(problems)
-    return scenario_of(rows, plane, file)
 
 
-def _content(path: Path, file: str) -> SurveyFile:
-    """Return what a file holds. Raises ScenarioError."""
-    try:
-        with regular(path).open("rb") as opened:
-            text = opened.read(LARGEST_FILE + 1)
-    except OSError as error:
-        raise ScenarioError([Problem(file, f"cannot be read: {error.strerror}")]) from None
-    if len(text) > LARGEST_FILE:
-        raise ScenarioError([Problem(file, f"is too large; at most {LARGEST_FILE:,} bytes")])
-    return read_geojson(text, file)
+def _too_few(file: str, count: int) -> Problem:
+    """Return that a file has too few or too many rows."""
+    wanted = (
+        f"must be {FEWEST_ROWS} to {MOST_ROWS} LineStrings, polygons of rows, or lines of trees; of"
+        " a larger orchard, a file for each block"
+    )
+    return Problem(file, f"has {count} rows; {wanted}")
 
 
-def _rows_of(content: SurveyFile, file: str) -> tuple[list[Feature], list[Problem]]:
-    """Return the features that are rows, and what is wrong with the others."""
-    rows = []
-    problems = list(content.problems)
-    for feature in content.features:
-        fault = feature.fault
-        if feature.kind != LINE or len(feature.parts) > 1:
-            fault = (
-                f"is {feature.kind_in_file}; each feature must be one LineString, the centre line"
-                " of a row"
+def _in_order(features: list[Feature], system: str, source: Source) -> list[Feature]:
+    """Return features with the easting first. Raises ScenarioError where the user must say it."""
+    is_swapped = source.options.swap_coordinates
+    if is_swapped is None:
+        reason = reason_to_swap(features, system)
+        if reason:
+            text = (
+                f"its coordinates seem swapped: {reason}. Swap them:"
+                f" {source.command(swap_coordinates=True)}; or keep them:"
+                f" {source.command(swap_coordinates=False)}"
             )
-        if fault:
-            problems.append(Problem(file, fault, f"feature {feature.name}"))
-        else:
-            rows.append(feature)
-    return rows, problems
+            raise ScenarioError([Problem(source.file, text)])
+    return with_swapped(features) if is_swapped else features
+
+
+def _rows_of(
+    features: Sequence[Feature], selection: Chosen, source: Source
+) -> tuple[TurnedLines, list[str]]:
+    """Return the lines of rows in their frame, and notes. Raises ScenarioError."""
+    lines_are = source.options.lines
+    if selection.kind == POINT:
+        lines, notes = lines_of_trees(features)
+        lines_are = lines_are or TREES
+    elif selection.kind == POLYGON:
+        lines, notes = lines_of_polygons(features, source)
+        if source.options.spacing is not None:
+            lines_are = LANES
+    else:
+        lines, notes = joined(features)
+    if not lines:
+        return TurnedLines([], 0.0), notes
+    rows = turned(lines)
+    if lines_are == TREES:
+        return _between(rows, notes, source)
+    if lines_are is None:
+        notes.append(note_of_lines(features, len(lines), source))
+    return rows, notes
+
+
+def _between(trees: TurnedLines, notes: list[str], source: Source) -> tuple[TurnedLines, list[str]]:
+    """Return the lanes between lines of trees, and notes. Raises ScenarioError."""
+    problems = []
+    for name, text in faults_of_lines(trees.lines):
+        problems.append(Problem(source.file, text, f"line of trees {name}"))
+    if problems:
+        raise ScenarioError(problems)
+    rows, more = lanes_between(trees)
+    taken = (
+        f"{len(trees.lines)} lines of trees: the {len(rows.lines)} rows are the lanes midway"
+        " between them; fruit outside the outermost lines is left out"
+    )
+    return rows, [*notes, taken, *more]
+
+
+def _hints(rows: TurnedLines, features: Sequence[Feature], source: Source) -> list[Problem]:
+    """Return how to get an answer anyway."""
+    hints = []
+    blocks = blocks_of(features)
+    if source.options.block is None and len(blocks) > 1:
+        commands = [source.command(block=name) for name in blocks]
+        text = f"has blocks; each alone may fit: {listed(commands, 20)}"
+        hints.append(Problem(source.file, text))
+    lengths = []
+    for line in rows.lines:
+        lengths.append(float(abs(line.points[-1] - line.points[0])))
+    spacing = _usual_spacing(rows.lines)
+    width = spacing - TRUNK
+    hints.append(
+        Problem(
+            source.file,
+            f"an answer anyway: equal rows, by a scenario with `rows: {len(rows.lines)}`,"
+            f" `row_length: {median(lengths):.1f}`, `row_width: {width:.2f}`; a line that is no row"
+            f" is left out by --without NAME",
+        )
+    )
+    return hints
+
+
+def _usual_spacing(lines: Sequence[SurveyedLine]) -> float:
+    """Return the usual distance from the middle of a line to the nearest other one, m."""
+    middles = [complex(line.points.mean()) for line in lines]
+    nearest = []
+    for i, middle in enumerate(middles):
+        others = [abs(middle - other) for j, other in enumerate(middles) if j != i]
+        if others:
+            nearest.append(min(others))
+    return median(nearest) if nearest else 0.0

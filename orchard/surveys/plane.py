@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orchard.field.problems import printable
-from orchard.surveys.features import Feature
+from orchard.surveys.features import LONGITUDE_LATITUDE, Feature
 
 RIGHT_SYSTEM = "name that of the file, geographic or projected: --crs EPSG:2193, for example"
 STEP = 100.0  # m along each axis, in which the scale of a system is measured
@@ -138,3 +138,12 @@ def _middle_of(features: Sequence[Feature]) -> complex:
 def middle(values: np.ndarray) -> float:
     """Return the middle between the least and the greatest value."""
     return float(values.min() + values.max()) / 2
+
+
+def place_on_globe(plane: Plane) -> tuple[float, float]:
+    """Return latitude and longitude of the middle of an orchard, degrees."""
+    from pyproj import Transformer
+
+    to_globe = Transformer.from_crs(plane.crs, LONGITUDE_LATITUDE, always_xy=True)
+    longitude, latitude = to_globe.transform(plane.middle.real, plane.middle.imag)
+    return latitude, longitude

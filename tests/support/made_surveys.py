@@ -16,6 +16,8 @@ from orchard.field.survey import CLOSEST, FURTHEST, WIDEST_GAP
 # Bay of Plenty 2000, and its middle: there its metres are those on the ground.
 CIRCUIT = "EPSG:2107"
 THERE = complex(400_000.0, 800_000.0)
+# Of the rows of `straight_rows`, from east: they run 72.8 degrees clockwise from north.
+TURN = 0.3j
 
 
 class Row(NamedTuple):
@@ -89,4 +91,34 @@ def write_geojson(
     ]
     named = {"type": "name", "properties": {"name": crs}}
     path.write_text(json.dumps({"type": "FeatureCollection", "crs": named, "features": features}))
+    return path
+
+
+def feature(kind: str, coordinates: Any, **properties: Any) -> dict[str, Any]:
+    """A feature of GeoJSON."""
+    geometry = {"type": kind, "coordinates": coordinates}
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
+
+
+def pair(point: complex) -> list[float]:
+    """A point of the rows' frame, m, as a pair of coordinates near `THERE`, turned."""
+    there = THERE + point * cmath.exp(TURN)
+    return [there.real, there.imag]
+
+
+def straight_rows(count: int = 5, spacing: float = 6.0, length: float = 60.0) -> list[dict]:
+    """Equal rows r1 ... as features, from north to south."""
+    features = []
+    for i in range(count):
+        ends = [pair(complex(0.0, -spacing * i)), pair(complex(length, -spacing * i))]
+        features.append(feature("LineString", ends, row=f"r{i + 1}"))
+    return features
+
+
+def write_features(path: Path, features: list[dict], crs: str | None = CIRCUIT) -> Path:
+    """Write features as a GeoJSON file."""
+    content: dict[str, Any] = {"type": "FeatureCollection", "features": features}
+    if crs is not None:
+        content["crs"] = {"type": "name", "properties": {"name": crs}}
+    path.write_text(json.dumps(content))
     return path

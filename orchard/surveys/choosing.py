@@ -1,0 +1,144 @@
+"""Which features of a file are rows: those of one kind, of one block; the others are left out by
+name.
+"""
+
+from collections import defaultdict
+from collections.abc import Sequence
+
+import numpy as np
+
+from orchard.field.problems import Problem, ScenarioError, printable
+from orchard.surveys.features import LINE, POINT, POLYGON, Feature
+from orchard.surveys.options import Source
+
+# Properties that say to which block a row belongs, in small letters.
+BLOCK_KEYS = ("block", "block_name", "block_id", "blockname", "paddock", "field", "folder")
+# Properties that say what a feature is.
+_TYPE_KEYS = ("type", "kind", "class", "category", "building", "landuse", "description")
+MOST_LISTED = 10
+# Share of its length, from which on the ground inside a closed line is an area.
+AREA = 0.02
+
+
+class Chosen:
+    """The features that are rows, and what became of the others."""
+
+    def __init__(self, features: list[Feature], kind: str, notes: list[str]) -> None:
+        self.features = features
+        self.kind = kind
+        self.notes = notes
+
+
+def chosen(features: Sequence[Feature], source: Source) -> Chosen:
+    """Return the features that are rows. Raises ScenarioError."""
+    options = source.options
+    notes: list[str] = []
+    rest = _of_block([_as_area(feature) for feature in features], source)
+    for name in options.without:
+        if all(feature.name != name for feature in rest):
+            known = listed([feature.name for feature in rest])
+            problem = Problem(source.file, f"has no feature {printable(name)}; it has {known}")
+            raise ScenarioError([problem])
+    named = [feature for feature in rest if feature.name in options.without]
+    rest = [feature for feature in rest if feature.name not in options.without]
+    kind = _kind(rest, source)
+    used = [feature for feature in rest if feature.kind == kind]
+    others = [feature for feature in rest if feature.kind != kind]
+    if named:
+        notes.append(f"left out, as --without says: {listed([_words(one) for one in named])}")
+    if others:
+        words = listed([_words(feature) for feature in others])
+        notes.append(f"left out, as {_plural(others)} no {_KINDS[kind]}: {words}")
+    return Chosen(used, kind, notes)
+
+
+_KINDS = {LINE: "line of a row", POLYGON: "polygon", POINT: "point of a tree"}
+
+
+def _plural(features: Sequence[Feature]) -> str:
+    return "it is" if len(features) == 1 else "each is"
+
+
+def _as_area(feature: Feature) -> Feature:
+    """Return a closed line around an area as a polygon: it is an outline, and no row."""
+    if feature.kind != LINE or len(feature.parts) != 1:
+        return feature
+    points = feature.parts[0]
+    if len(points) < 4 or points[0] != points[-1]:
+        return feature
+    steps = np.diff(points)
+    local = points - points[0]
+    area = abs(float(np.sum(local[:-1].real * local[1:].imag - local[1:].real * local[:-1].imag)))
+    length = float(np.abs(steps).sum())
+    if area / 2 < (AREA * length) ** 2:
+        return feature
+    return feature._replace(kind=POLYGON)
+
+
+def _of_block(features: list[Feature], source: Source) -> list[Feature]:
+    """Return the features of the block that the user names, and those of no block."""
+    name = source.options.block
+    if name is None:
+        return features
+    blocks = blocks_of(features)
+    if name not in blocks:
+        wanted = f"it has {listed(list(blocks))}" if blocks else "none of its features names one"
+        keys = listed(list(BLOCK_KEYS))
+        problem = Problem(
+            source.file,
+            f"has no block {printable(name)}; {wanted} (a block is a property {keys} of a row)",
+        )
+        raise ScenarioError([problem])
+    return [feature for feature in features if block_of(feature) == name]
+
+
+def block_of(feature: Feature) -> str:
+    """Return the block of which a feature is; "" if it does not say."""
+    for key, value in feature.properties.items():
+        if key.lower() in BLOCK_KEYS and isinstance(value, str | int) and str(value):
+            return printable(str(value), 60)
+    return ""
+
+
+def blocks_of(features: Sequence[Feature]) -> dict[str, list[Feature]]:
+    """Return the features of each block, in the order of the file."""
+    blocks = defaultdict(list)
+    for feature in features:
+        name = block_of(feature)
+        if name:
+            blocks[name].append(feature)
+    return dict(blocks)
+
+
+def _kind(features: Sequence[Feature], source: Source) -> str:
+    """Return the kind of features that rows are read from. Raises ScenarioError."""
+    kinds = {feature.kind for feature in features}
+    if source.options.spacing is not None:
+        if POLYGON not in kinds:
+            text = "has no polygon; --spacing is for the outline of a block"
+            raise ScenarioError([Problem(source.file, text)])
+        return POLYGON
+    for kind in (LINE, POLYGON, POINT):
+        if kind in kinds:
+            return kind
+    return LINE
+
+
+def _words(feature: Feature) -> str:
+    """Return a feature in words: "number 12 (Point, shed)"."""
+    parts = [feature.kind_in_file.strip("'")]
+    for key in _TYPE_KEYS:
+        value = feature.properties.get(key)
+        if isinstance(value, str) and value:
+            parts.append(printable(value, 30))
+            break
+    return f"{feature.name} ({', '.join(parts)})"
+
+
+def listed(words: Sequence[str], most: int = MOST_LISTED) -> str:
+    """Return some words as a list in a sentence, "a, b and 3 more"."""
+    if len(words) > most + 1:
+        words = [*words[:most], f"{len(words) - most} more"]
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} and {words[-1]}"

@@ -1,0 +1,136 @@
+"""Joins the pieces of which a row is drawn."""
+
+import cmath
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from orchard.field.layout import TREE_PITCH
+from orchard.surveys.choosing import listed
+from orchard.surveys.features import Feature
+from orchard.surveys.rows import SurveyedLine, direction_of
+
+# m beside each other, at most, of pieces of one row.
+IN_LINE = 1.0
+# m, at most, between pieces of one row that have names of their own.
+CLOSE = 10.0
+# m, at most, by which such pieces overlap.
+OVERLAP = 0.5
+
+
+class _Piece(NamedTuple):
+    """A part of a row, in a frame whose x axis runs along the rows, m."""
+
+    name: str
+    #: Whether its feature has several parts, or its name stands at several features.
+    has_others: bool
+    points: np.ndarray
+
+    @property
+    def west(self) -> float:
+        return float(self.points.real.min())
+
+    @property
+    def east(self) -> float:
+        return float(self.points.real.max())
+
+
+def joined(features: Sequence[Feature]) -> tuple[list[SurveyedLine], list[str]]:
+    """Return a line for each row, on the ground, and what was joined, in words."""
+    lines = [SurveyedLine(row.name, part) for row in features for part in row.parts]
+    if not lines:
+        return [], []
+    yaw = direction_of(lines)
+    pieces = _pieces(lines, yaw)
+    places = {
+        name: number for number, name in enumerate(dict.fromkeys(row.name for row in features))
+    }
+    rows = sorted(_rows(pieces), key=lambda row: places[row[0].name])
+    notes = _notes(rows)
+    back = cmath.exp(1j * yaw)
+    result = []
+    for row in rows:
+        points = row[0].points
+        if len(row) > 1:
+            points = np.concatenate([_eastward(piece.points) for piece in row])
+        result.append(SurveyedLine(row[0].name, points * back))
+    return result, notes
+
+
+def _pieces(lines: Sequence[SurveyedLine], yaw: float) -> list[_Piece]:
+    names = [line.id for line in lines]
+    pieces = []
+    for line in lines:
+        points = line.points * cmath.exp(-1j * yaw)
+        pieces.append(_Piece(line.id, names.count(line.id) > 1, points))
+    return pieces
+
+
+def _eastward(points: np.ndarray) -> np.ndarray:
+    """Return the points of a piece from west to east."""
+    return points[::-1] if points[0].real > points[-1].real else points
+
+
+def _rows(pieces: Sequence[_Piece]) -> list[list[_Piece]]:
+    """Return the pieces of each row, from west to east."""
+    rows: list[list[_Piece]] = []
+    for piece in sorted(pieces, key=lambda piece: piece.west):
+        for row in rows:
+            if _continues(row[-1], piece):
+                row.append(piece)
+                break
+        else:
+            rows.append([piece])
+    return rows
+
+
+def _continues(west: _Piece, east: _Piece) -> bool:
+    """Whether a piece belongs to the row of another one, which lies west of it."""
+    beside = abs(_eastward(east.points)[0].imag - _eastward(west.points)[-1].imag)
+    gap = east.west - west.east
+    if beside > IN_LINE or gap < -OVERLAP:
+        return False
+    is_named_alike = west.name == east.name and west.has_others
+    return is_named_alike or gap <= CLOSE
+
+
+def _notes(rows: Sequence[Sequence[_Piece]]) -> list[str]:
+    """Return what was joined, and which gaps are no more."""
+    several = [row for row in rows if len(row) > 1]
+    if not several:
+        return []
+    names = listed([_named(row) for row in several])
+    notes = [f"joined from pieces in one line: {names}"]
+    gaps = []
+    for row in several:
+        for west, east in pairwise(row):
+            gaps.append((east.west - west.east, row[0].name))
+    real = [(gap, name) for gap, name in gaps if gap > TREE_PITCH]
+    if not real:
+        return notes
+    without_trees = sum(gap for gap, _ in real)
+    metres = sum(row[-1].east - row[0].west for row in rows)
+    widest, name = max(real)
+    count = len({name for _, name in real})
+    share = 100.0 * without_trees / metres
+    notes.append(
+        f"{_rows_have(count)} wider than {TREE_PITCH:g} m, up to {widest:.2f} m (row {name}). Here"
+        f" rows have no gaps: {without_trees:.0f} of {metres:.0f} m ({share:.0f} %) are picked as"
+        " if fruit hung there. If robots can cross a gap, it parts two blocks: draw them so, with"
+        " a property `block`"
+    )
+    return notes
+
+
+def _rows_have(count: int) -> str:
+    return "1 row has a gap" if count == 1 else f"{count} rows have gaps"
+
+
+def _named(row: Sequence[_Piece]) -> str:
+    """Return a row with its pieces: "r1 (2)", or "r1 and r2" of unlike names."""
+    names = list(dict.fromkeys(piece.name for piece in row))
+    if len(names) == 1:
+        return f"{names[0]} ({len(row)} pieces)"
+    return f"{names[0]} (with {listed(names[1:])})"

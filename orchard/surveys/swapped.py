@@ -1,0 +1,100 @@
+"""Latitude and longitude, or northing and easting, in the wrong order: whether they seem so."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from orchard.surveys.features import Feature
+
+# Degrees around the area for which a system is meant, within which a place may lie.
+NEAR = 2.0
+# Square degrees of the smallest area with a name that holds a place on land, at most: it is a
+# country. The areas around an ocean are larger.
+LARGEST_COUNTRY = 8000.0
+
+
+def with_swapped(features: Sequence[Feature]) -> list[Feature]:
+    """Return features whose first coordinate is the northing."""
+    result = []
+    for feature in features:
+        parts = tuple(part.imag + 1j * part.real for part in feature.parts)
+        result.append(feature._replace(parts=parts))
+    return result
+
+
+def reason_to_swap(features: Sequence[Feature], name: str) -> str:
+    """Return why the coordinates of features seem swapped; "" if they do not.
+
+    `name`: of their coordinate system.
+    """
+    from pyproj import CRS
+    from pyproj.exceptions import ProjError
+
+    try:
+        own = CRS.from_user_input(name)
+    except (ProjError, UnicodeError):
+        # It is reported where it is used.
+        return ""
+    points = np.concatenate([part for feature in features for part in feature.parts])
+    middle = complex(np.median(points.real), np.median(points.imag))
+    swapped = complex(middle.imag, middle.real)
+    if own.is_geographic:
+        return _of_degrees(middle, swapped)
+    if not own.is_projected or own.area_of_use is None:
+        return ""
+    if _is_near(own, middle) or not _is_near(own, swapped):
+        return ""
+    return f"the place lies outside {own.area_of_use.name.rstrip('.')}, for which {own.name} is"
+
+
+def _of_degrees(middle: complex, swapped: complex) -> str:
+    """Return why a place of longitude + i latitude seems swapped; "" if it does not."""
+    if not _is_place(swapped):
+        return ""
+    if not _is_place(middle):
+        return f"a latitude of {middle.imag:.2f} degrees cannot be"
+    if not _is_land(middle) and _is_land(swapped):
+        return "the place lies in the sea"
+    return ""
+
+
+def _is_place(at: complex) -> bool:
+    """Whether longitude + i latitude is on the earth."""
+    return abs(at.real) <= 180.0 and abs(at.imag) <= 90.0
+
+
+def _is_near(own: Any, at: complex) -> bool:
+    """Whether a place of a projected system lies near the area for which it is meant."""
+    from pyproj import Transformer
+
+    area = own.area_of_use
+    to_globe = Transformer.from_crs(own, own.geodetic_crs, always_xy=True)
+    longitude, latitude = to_globe.transform(at.real, at.imag)
+    if not _is_place(complex(longitude, latitude)):
+        return False
+    width = (area.east - area.west) % 360.0 or 360.0
+    east_of_area = (longitude - area.west + NEAR) % 360.0
+    is_between = area.south - NEAR <= latitude <= area.north + NEAR
+    return bool(is_between and east_of_area <= width + 2 * NEAR)
+
+
+def _is_land(at: complex) -> bool:
+    """Whether longitude + i latitude lies in the area of a country, by the list of EPSG."""
+    from pyproj.aoi import AreaOfInterest
+    from pyproj.database import query_crs_info
+    from pyproj.enums import PJType
+
+    place = AreaOfInterest(at.real, at.imag, at.real, at.imag)
+    systems = query_crs_info(
+        auth_name="EPSG",
+        pj_types=[PJType.GEOGRAPHIC_2D_CRS],
+        area_of_interest=place,
+        contains=True,
+    )
+    for system in systems:
+        area = system.area_of_use
+        width = (area.east - area.west) % 360.0 or 360.0
+        if width * (area.north - area.south) <= LARGEST_COUNTRY:
+            return True
+    return False

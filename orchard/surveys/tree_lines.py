@@ -1,0 +1,94 @@
+"""Lines of trees: the rows that are picked are the lanes between them."""
+
+import re
+from collections.abc import Sequence
+from itertools import pairwise
+from statistics import median
+
+import numpy as np
+
+from orchard.field.problems import Problem, ScenarioError, printable
+from orchard.field.survey import MISSING
+from orchard.surveys.features import Feature
+from orchard.surveys.options import LANES, TREES, Source
+from orchard.surveys.plane import middle
+from orchard.surveys.rows import SurveyedLine, TurnedLines
+
+# Words in the name of a file, of a feature, or in a property that tell of trees.
+_TREE_WORD = re.compile(r"(?<![a-z])(trees?|vines?|trunks?|canopy|canopies)(?![a-z])")
+
+
+def lanes_between(trees: TurnedLines) -> tuple[TurnedLines, list[str]]:
+    """Return the lanes midway between lines of trees, in the rows' frame, and notes.
+
+    A lane is as long as the lines beside it are on average. There is none where lines of trees
+    are missing, or a road passes.
+    """
+    souths = [-middle(line.points.imag) for line in trees.lines]
+    gaps = [south - north for north, south in pairwise(souths)]
+    if not gaps:
+        return TurnedLines([], trees.yaw), []
+    usual = median(gaps)
+    lanes = []
+    roads = []
+    for gap, (north, south) in zip(gaps, pairwise(trees.lines), strict=True):
+        name = printable(f"{north.id}-{south.id}", 60)
+        if gap >= MISSING * usual:
+            roads.append(f"{name} ({gap:.2f} m)")
+            continue
+        lanes.append(SurveyedLine(name, _midway(north.points, south.points)))
+    notes = []
+    if roads:
+        notes.append(
+            f"no row between these lines of trees, which lie {MISSING:g} times the usual"
+            f" {usual:.2f} m apart and more: {', '.join(roads)}"
+        )
+    return TurnedLines(lanes, trees.yaw), notes
+
+
+def _midway(north: np.ndarray, south: np.ndarray) -> np.ndarray:
+    """Return the ends of the lane between two lines, (2,) complex."""
+    west = (north.real.min() + south.real.min()) / 2
+    east = (north.real.max() + south.real.max()) / 2
+    y = (middle(north.imag) + middle(south.imag)) / 2
+    return np.array([complex(west, y), complex(east, y)])
+
+
+def note_of_lines(features: Sequence[Feature], count: int, source: Source) -> str:
+    """Return how lines were understood, and how to say otherwise.
+
+    Raises ScenarioError where the file speaks of trees, and the user does not say what lines are.
+    """
+    if source.options.lines == LANES:
+        return ""
+    word = _tree_word(features, source)
+    trees = f"{source.command(lines=TREES)} (they are lines of trees: {count - 1} rows between)"
+    if word:
+        lanes = f"{source.command(lines=LANES)} (they are lanes that a picker drives: {count} rows)"
+        raise ScenarioError(
+            [
+                Problem(
+                    source.file,
+                    f"has {count} lines, and speaks of trees ({word}). Say what they are:"
+                    f" {trees}, or {lanes}",
+                )
+            ]
+        )
+    return (
+        f"the {count} lines are taken for lanes, which a picker drives between two lines of trees."
+        f" If they are lines of trees, there are {count - 1} rows: {source.command(lines=TREES)}"
+    )
+
+
+def _tree_word(features: Sequence[Feature], source: Source) -> str:
+    """Return a name or a value of a file that tells of trees; "" if there is none."""
+    texts = [source.path.stem]
+    for feature in features:
+        texts.append(feature.name)
+        for value in feature.properties.values():
+            if isinstance(value, str):
+                texts.append(value)
+    for text in texts:
+        if _TREE_WORD.search(text.lower()):
+            return printable(text, 60)
+    return ""

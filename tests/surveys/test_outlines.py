@@ -1,0 +1,107 @@
+"""Polygons are rows, or the outline of a block in which rows are laid out."""
+
+import pytest
+from made_surveys import feature, pair, write_features
+
+from orchard.field.problems import ScenarioError
+from orchard.surveys.importing import import_survey
+from orchard.surveys.options import ImportOptions
+
+pytest.importorskip("pyproj", reason="pyproj is missing: pip install 'orchard-sim[survey,dev]'")
+
+# Clockwise from north, of the rows of `pair`: 90 degrees less 0.3 rad.
+BEARING = 72.811
+
+
+def box(west: float, south: float, east: float, north: float) -> list[list[list[float]]]:
+    corners = [
+        complex(west, south),
+        complex(east, south),
+        complex(east, north),
+        complex(west, north),
+    ]
+    return [[pair(corner) for corner in [*corners, corners[0]]]]
+
+
+def told(path, **options) -> str:
+    with pytest.raises(ScenarioError) as raised:
+        import_survey(path, ImportOptions(**options))
+    return str(raised.value)
+
+
+def test_long_polygons_are_rows_by_their_centre_lines(tmp_path):
+    features = []
+    for i in range(4):
+        south = -6.0 * i
+        features.append(feature("Polygon", box(0.0, south - 1, 60.0, south + 1), row=f"r{i + 1}"))
+    imported = import_survey(write_features(tmp_path / "a.geojson", features))
+    rows = imported.scenario.survey.rows
+    assert [row.id for row in rows] == ["r1", "r2", "r3", "r4"]
+    assert [row.south for row in rows] == pytest.approx([0.0, 6.0, 12.0, 18.0], abs=0.01)
+    assert [row.length for row in rows] == pytest.approx([60.0] * 4, abs=0.01)
+    assert any(
+        "4 polygons are taken for rows, 2.00 to 2.00 m wide" in one for one in imported.notes
+    )
+    between = import_survey(tmp_path / "a.geojson", ImportOptions(lines="trees"))
+    assert between.scenario.rows == 3
+
+
+@pytest.fixture
+def outline(tmp_path):
+    block = feature("Polygon", box(0.0, -50.0, 120.0, 0.0), name="Top")
+    return write_features(tmp_path / "a.geojson", [block])
+
+
+def test_rows_are_laid_out_in_an_outline(outline):
+    imported = import_survey(outline, ImportOptions(spacing=5.0, headland=8.0, direction=BEARING))
+    rows = imported.scenario.survey.rows
+    assert [row.south for row in rows] == pytest.approx([5.0 * i for i in range(10)], abs=0.01)
+    assert [row.length for row in rows] == pytest.approx([104.0] * 10, abs=0.05)
+    assert imported.direction == pytest.approx(BEARING, abs=0.01)
+    assert any(
+        note.startswith("10 rows are laid out in the outline Top") for note in imported.notes
+    )
+
+
+def test_what_an_outline_leaves_open_is_said(outline):
+    imported = import_survey(outline, ImportOptions(spacing=5.0))
+    assert [row.length for row in imported.scenario.survey.rows] == pytest.approx(
+        [120.0] * 10, abs=0.05
+    )
+    said = "\n".join(imported.notes)
+    assert "assumed: rows run along the longest side, 72.8 degrees clockwise from north" in said
+    assert "assumed: rows end at the outline; --headland METRES" in said
+
+
+def test_an_outline_alone_is_asked_about(outline):
+    words = told(outline)
+    assert "has 1 polygons, and no rows: Top" in words
+    assert f"{outline} --direction 30 --spacing 5 --headland 8" in words
+    assert "--spacing: 2: must be 3.65 to 12.5 m" in told(outline, spacing=2.0)
+    assert "--headland: -1: must be at least 0 m" in told(outline, spacing=5.0, headland=-1.0)
+    assert "has 0 rows" in told(outline, spacing=5.0, headland=55.0)
+
+
+def test_short_corners_of_an_outline_are_left_out(tmp_path):
+    corners = [0j, 120 + 0j, 60 - 60j]
+    triangle = [[pair(corner) for corner in [*corners, corners[0]]]]
+    path = write_features(tmp_path / "a.geojson", [feature("Polygon", triangle, name="Top")])
+    imported = import_survey(path, ImportOptions(spacing=5.0, direction=BEARING, headland=5.0))
+    # Rows lie 2.5, 7.5 ... m south of the long side, and are 10 m shorter than the outline there.
+    lengths = [120.0 - 2 * (2.5 + 5.0 * i) - 10.0 for i in range(12)]
+    assert [row.length for row in imported.scenario.survey.rows] == pytest.approx(
+        [length for length in lengths if length >= 20.0], abs=0.05
+    )
+    assert "left out: 3 rows in the outline, shorter than 20 m" in imported.notes
+
+
+def test_two_outlines_are_told_by_name(tmp_path):
+    blocks = [
+        feature("Polygon", box(0.0, -50.0, 120.0, 0.0), name="Top"),
+        feature("Polygon", box(0.0, -150.0, 120.0, -90.0), name="Low", block="2"),
+    ]
+    path = write_features(tmp_path / "a.geojson", blocks)
+    assert "has several outlines, Top and Low; leave out all but one" in told(path, spacing=5.0)
+    imported = import_survey(path, ImportOptions(spacing=5.0, without=("Low",)))
+    assert imported.scenario.rows == 10
+    assert import_survey(path, ImportOptions(spacing=5.0, block="2")).scenario.rows == 12

@@ -1,0 +1,64 @@
+"""Pieces of one row are joined, and a gap between them is told."""
+
+import pytest
+from made_surveys import feature, pair, straight_rows, write_features
+
+from orchard.field.problems import ScenarioError
+from orchard.surveys.importing import import_survey
+
+pytest.importorskip("pyproj", reason="pyproj is missing: pip install 'orchard-sim[survey,dev]'")
+
+
+def line(south: float, west: float, east: float) -> list[list[float]]:
+    return [pair(complex(west, -south)), pair(complex(east, -south))]
+
+
+def test_the_parts_of_a_line_are_one_row_and_its_gap_is_told(tmp_path):
+    features = straight_rows()
+    features[1] = feature(
+        "MultiLineString", [line(6.0, 60.0, 40.0), line(6.0, 0.0, 20.0)], row="r2"
+    )
+    imported = import_survey(write_features(tmp_path / "a.geojson", features))
+    second = imported.scenario.survey.rows[1]
+    assert (second.id, second.start, second.length) == ("r2", 0.0, pytest.approx(60.0, abs=0.01))
+    assert "joined from pieces in one line: r2 (2 pieces)" in imported.notes
+    gap = "1 row has a gap wider than 6 m, up to 20.00 m (row r2). Here rows have no gaps: 20 of"
+    assert any(note.startswith(f"{gap} 300 m (7 %)") for note in imported.notes)
+
+
+def test_lines_with_one_name_in_one_line_are_one_row(tmp_path):
+    pieces = [
+        feature("LineString", line(6.0, 0.0, 30.0), row="r2"),
+        feature("LineString", line(6.0, 34.0, 60.0), row="r2"),
+    ]
+    features = straight_rows()
+    features[1:2] = pieces
+    imported = import_survey(write_features(tmp_path / "a.geojson", features))
+    assert [row.id for row in imported.scenario.survey.rows] == ["r1", "r2", "r3", "r4", "r5"]
+    assert "joined from pieces in one line: r2 (2 pieces)" in imported.notes
+    assert not any("wider than" in note for note in imported.notes)
+
+
+def test_pieces_with_names_of_their_own_are_joined_where_they_meet(tmp_path):
+    features = straight_rows()
+    features[1:2] = [
+        feature("LineString", line(6.0, 0.0, 30.0), row="r2a"),
+        feature("LineString", line(6.0, 31.0, 60.0), row="r2b"),
+    ]
+    imported = import_survey(write_features(tmp_path / "a.geojson", features))
+    assert [row.id for row in imported.scenario.survey.rows] == ["r1", "r2a", "r3", "r4", "r5"]
+    assert "joined from pieces in one line: r2a (with r2b)" in imported.notes
+
+
+def test_two_rows_with_one_name_are_not_joined(tmp_path):
+    features = straight_rows()
+    features[1]["properties"]["row"] = "r1"
+    with pytest.raises(ScenarioError, match="feature r1: the name of two rows"):
+        import_survey(write_features(tmp_path / "a.geojson", features))
+
+
+def test_a_row_that_is_drawn_twice_is_refused(tmp_path):
+    features = straight_rows()
+    features.append(feature("LineString", line(6.0, 0.0, 60.0), row="again"))
+    with pytest.raises(ScenarioError, match=r"lies 0\.00 m south of row"):
+        import_survey(write_features(tmp_path / "a.geojson", features))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from orchard.study.benchmark import BenchmarkResult
+from orchard.study.benchmark.scores import BenchmarkResult
 
 PAGE = Path(__file__).with_name("bounds.md")
 HEAD = "| policy | score, % | its worst orchard |\n|---|---|---|\n"

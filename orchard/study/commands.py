@@ -21,5 +21,5 @@ def benchmark(chosen: BenchmarkOptions) -> None:
     docs/bounds.md.
     """
     with needs_extra("A benchmark", "study,optimum", ", or in a clone: make study"):
-        from orchard.study.benchmark_command import run_benchmark
+        from orchard.study.benchmark.command import run_benchmark
     raise typer.Exit(run_benchmark(chosen))

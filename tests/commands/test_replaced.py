@@ -13,7 +13,7 @@ from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.report.summary import SUMMARY, write_summary
 from orchard.roads.export import MAP, export_map
-from orchard.study.benchmark import BenchmarkResult
+from orchard.study.benchmark.scores import BenchmarkResult
 from orchard.study.kinds_of_files import PICTURE, REPORT, TABLE
 from orchard.study.picture import save as save_picture
 from orchard.study.picture import save_futures

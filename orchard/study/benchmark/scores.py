@@ -31,7 +31,8 @@ SEEDS = 3  # of each orchard in which something is random
 
 def orchards() -> dict[str, Scenario]:
     """Return the orchards by name, in their order."""
-    values, _, _ = values_of(files("orchard.study").joinpath(ORCHARDS).read_text("utf-8"), ORCHARDS)
+    text = files("orchard.study.benchmark").joinpath(ORCHARDS).read_text("utf-8")
+    values, _, _ = values_of(text, ORCHARDS)
     return {
         name: check(values["all"] | one, f"{ORCHARDS}: {name}")
         for name, one in values["orchards"].items()

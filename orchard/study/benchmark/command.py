@@ -13,7 +13,7 @@ from orchard.discrete.harvest import get_ready
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.report.summary import SUMMARY, why_unwritten
-from orchard.study.benchmark import Benchmark, BenchmarkResult, orchards
+from orchard.study.benchmark.scores import Benchmark, BenchmarkResult, orchards
 from orchard.study.command_options import BenchmarkOptions
 from orchard.study.options import StudyOptions
 from orchard.study.store import Store, StoreError

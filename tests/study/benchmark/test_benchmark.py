@@ -13,8 +13,8 @@ from command_line import orchard
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
 from orchard.field.scenario import DISPATCH_POLICIES, with_changes
-from orchard.study import benchmark_command
-from orchard.study.benchmark import ORCHARDS, Benchmark, BenchmarkResult, Harvests, orchards
+from orchard.study.benchmark import command as benchmark_command
+from orchard.study.benchmark.scores import ORCHARDS, Benchmark, BenchmarkResult, Harvests, orchards
 from orchard.study.command_options import BenchmarkOptions
 from orchard.study.store import Store
 from orchard.study.study_command import LOST

@@ -1,0 +1,1 @@
+"""The benchmark of dispatch policies: its orchards, what a policy sees there, and its scores."""

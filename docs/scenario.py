@@ -70,5 +70,5 @@ def _default(value: dict[str, Any]) -> str:
 def _limits(value: dict[str, Any]) -> str:
     kinds = [kind for kind in value.get("anyOf", [value]) if kind.get("type") != "null"]
     low, high = kinds[0].get("minimum"), kinds[0].get("maximum")
-    words = {"boolean": "true or false", "string": "a text", "object": "a map"}
+    words = {"boolean": "true or false", "string": "a text", "object": "a map", "array": "a list"}
     return words.get(kinds[0].get("type", "object"), f"{low} to {high}")

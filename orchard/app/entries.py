@@ -15,7 +15,7 @@ from orchard.field.scenario import Scenario
 from orchard.study.words import none_words
 
 # These come from a file, and are not entered on the page.
-FROM_FILE = (*AGENTS, "survey")
+FROM_FILE = (*AGENTS, "survey", "shift")
 # Sections with names that belong to the labels of their values.
 NEEDED = ("laser", "odometry")
 # Labels of values for which the words of the file are too short for a reader of the page.

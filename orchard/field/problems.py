@@ -84,6 +84,13 @@ class Problem:
         return ": ".join(parts)
 
 
+@dataclass(frozen=True)
+class Called:
+    """A mark of a field: what a value of it must be, in words, where its type does not say it."""
+
+    words: str
+
+
 class ScenarioError(Exception):
     """A scenario cannot be used.
 
@@ -238,6 +245,8 @@ def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
         return "the class that drives it, such as my_package.MyPicker"
     field = _field(path, model)
     limits = {type(limit).__name__: limit for limit in field.metadata}
+    if "Called" in limits:
+        return f"{limits['Called'].words} ({field.description})"
     is_list = get_origin(field.annotation) is tuple and not path[-1].isdecimal()
     if is_list:
         least = limits["MinLen"].min_length

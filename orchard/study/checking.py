@@ -14,6 +14,11 @@ from orchard.study.result import Models
 from orchard.study.settings import Setting, numbered, settings_of
 
 _NO_PRICES = "needs a price: picker_per_hour, carrier_per_hour, overhead_per_hour or per_bin"
+_FREE_PICKERS = (
+    "pickers vary and cost nothing, so the most of them would be the cheapest; set"
+    " prices.picker_per_hour or picker_per_bin, 0 if they do cost nothing, or choose --goal"
+    " bins_per_hour"
+)
 _NO_END = "a long run has no end; choose --horizon harvest, or another goal"
 _NO_LONG_RUN = "only the fast model can tell the long run; choose --horizon harvest"
 _SENSORS = "only the full model knows errors of sensors; choose --model full"
@@ -29,6 +34,7 @@ def checked_settings(
     # Options and classes are checked too if no setting is a scenario.
     asked = settings or [Setting({}, scenario)]
     problems += _option_problems(asked, options)
+    problems += _price_problems(asked, options)
     problems += _plugin_problems(asked, options.model)
     return settings, problems
 
@@ -56,6 +62,18 @@ def _option_problems(settings: Sequence[Setting], options: StudyOptions) -> list
     if not all(setting.scenario.sensors.are_exact for setting in settings):
         problems.append(Problem(model, _SENSORS, "sensors"))
     return problems
+
+
+def _price_problems(settings: Sequence[Setting], options: StudyOptions) -> list[Problem]:
+    """Return that pickers vary without a price, if costs are what a study asks for."""
+    numbers = {setting.scenario.pickers for setting in settings}
+    has_prices = all(setting.has_prices for setting in settings)
+    is_of_costs = has_prices and options.goal in (None, "cost_per_bin")
+    if not is_of_costs or len(numbers) == 1:
+        return []
+    if all(setting.scenario.prices.are_of_pickers for setting in settings):
+        return []
+    return [Problem("--vary pickers", _FREE_PICKERS, "prices")]
 
 
 def _plugin_problems(settings: Sequence[Setting], model: Models) -> list[Problem]:

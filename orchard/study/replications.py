@@ -114,7 +114,8 @@ class Replications:
     def value(self, i: int, record: RunRecord) -> float:
         """Return what a run says of the goal."""
         if self.goal == "cost_per_bin":
-            return self.settings[i].cost_per_bin(record.bins_per_hour) or 0.0
+            rate = record.bins_per_hour
+            return self.settings[i].cost_per_bin(rate, record.counted_bins) or 0.0
         if self.goal == "harvest_seconds":
             return record.sim_seconds
         return shown_rate(self.settings[i], record)
@@ -123,7 +124,7 @@ class Replications:
         """Return the best value of the goal that the limit without traffic allows a run."""
         rate = record.bound_bins_per_hour
         if self.goal == "cost_per_bin":
-            return self.settings[i].cost_per_bin(rate) or 0.0
+            return self.settings[i].cost_per_bin(rate, record.counted_bins) or 0.0
         if self.goal == "harvest_seconds":
             return 3600.0 * record.bins / rate
         return self.settings[i].limit.bins_per_hour

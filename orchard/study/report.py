@@ -12,7 +12,7 @@ from orchard.field.scenario import check, to_yaml
 from orchard.report.summary import clock
 from orchard.study.picture import inline_svg
 from orchard.study.result import StudyResult
-from orchard.study.table import legend, words
+from orchard.study.table import legend, payment_lines, words
 from orchard.study.words import GOALS, key_words, value_words
 
 HORIZONS = {
@@ -52,6 +52,7 @@ def document(result: StudyResult) -> str:
         lines=lines,
         best=[number for number, row in enumerate(result.table) if row.standing == "best"],
         legend=legend(result),
+        payments=payment_lines(result.best_row) if result.best_row is not None else [],
         made=_made(result),
         notes=result.notes,
         scenario=to_yaml(check(result.scenario)),

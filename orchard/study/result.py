@@ -28,6 +28,24 @@ class Interval:
 
 
 @dataclass(frozen=True, kw_only=True)
+class BreakEven:
+    """What a robot may cost: at that price a bin costs the same with it and without it."""
+
+    #: pickers or carriers.
+    key: str
+    #: Which robot it is: the last of so many, beside the fewer ones of another setting.
+    number: int
+    fewer: int
+    #: In the currency of the prices, for each hour in which it works.
+    per_hour: Interval
+    #: The same as the price of a machine that is bought, for so many years of so many hours. None:
+    #: the scenario does not say them.
+    price: Interval | None = None
+    years: float | None = None
+    hours_per_year: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class Check:
     """What the full model (the simulator) says of a setting, on common seeds with the fast
     model.
@@ -78,6 +96,8 @@ class Row:
         # proven.
         None
     )
+    #: What is paid for what, for a bin, by the mean: the names of `orchard.report.costs.PAYMENTS`.
+    paid: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,6 +135,8 @@ class StudyResult:
     #: The keys with several values that nobody chooses. Then `best` is None: each combination of
     #: them has a best row of its own, if anything can be chosen.
     given: list[str] = field(default_factory=list)
+    #: What the last robots of the best setting may cost, and one more.
+    break_even: list[BreakEven] = field(default_factory=list)
 
     @property
     def best_row(self) -> Row | None:

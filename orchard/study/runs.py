@@ -56,10 +56,12 @@ DECIDING = (
     "report",
     "sim",
 )  # packages that, with two files, decide what a run gives
+# Keys of the scenario: the seed has a column of its own, and the others change no run.
 NOT_DECIDING = (
     "seed",
     "prices",
-)  # keys of the scenario: the seed has a column of its own, and prices change no run
+    "shift",
+)
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,7 @@ class PlannedRun:
 
     @cached_property
     def scenario_digest(self) -> str:
-        """The digest of the scenario without its seed and its prices."""
+        """The digest of the scenario without its seed, prices and shift."""
         return digest(self.scenario.model_dump_json(exclude=set(NOT_DECIDING)))
 
     def do(self, until: float) -> "RunRecord | None":
@@ -159,7 +161,7 @@ class RunRecord(RunResult):
     """A run and how it went, flat: one row of the store."""
 
     key: str
-    scenario: str  # digest of all of it without seed and prices
+    scenario: str  # digest of all of it that decides what runs give, but for the seed
     seed: int
     model: Model
     horizon: Horizon
@@ -167,6 +169,11 @@ class RunRecord(RunResult):
     own_source: str  # digest of the files of own classes; '' if there are none
     version: str
     wall_seconds: Amount
+
+    @property
+    def counted_bins(self) -> int | None:
+        """The bins of a whole harvest; None of a long run, which is a part of one."""
+        return self.bins if self.horizon == "harvest" else None
 
     def __post_init__(self) -> None:
         if self.ended != "jammed" and self.bins_per_hour < LEAST_RATE:

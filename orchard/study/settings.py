@@ -19,6 +19,8 @@ from orchard.field.problems import Problem, ScenarioError, show
 from orchard.field.queue import MOST_CARRIERS
 from orchard.field.scenario import Scenario, with_changes
 from orchard.report.bounds import Bounds
+from orchard.report.costs import payments_of_harvest, payments_of_long_run
+from orchard.report.days import WorkDays, work_days
 from orchard.report.limits import full_bins, limit_of_question
 from orchard.terminal.values import value_of
 
@@ -69,20 +71,33 @@ class Setting:
         layout = lay_out(self.scenario)
         return full_bins(layout) / layout.bins
 
+    @cached_property
+    def days(self) -> WorkDays | None:
+        """The days of its harvests; None if there is no shift."""
+        return work_days(self.scenario, self.limit) if self.scenario.shift.is_set else None
+
     @property
     def has_prices(self) -> bool:
         """Whether the scenario says what something costs."""
-        return any(price is not None for price in self.scenario.prices.model_dump().values())
+        return self.scenario.prices.are_set
 
-    def cost_per_bin(self, bins_per_hour: float) -> float | None:
-        """Return what a bin costs at a rate, in the currency of the prices; None without prices."""
+    def payments(self, bins_per_hour: float, bins: int | None = None) -> dict[str, float]:
+        """Return what is paid for what, for a bin, at a rate: what -> amount.
+
+        `bins`: those of one harvest; None: of the long run.
+        """
+        if bins is None:
+            return payments_of_long_run(self.scenario, bins_per_hour, self.days)
+        return payments_of_harvest(self.scenario, bins, bins_per_hour, self.days)
+
+    def cost_per_bin(self, bins_per_hour: float, bins: int | None = None) -> float | None:
+        """Return what a bin costs at a rate, in the currency of the prices; None without prices.
+
+        `bins`: as in `payments`.
+        """
         if not self.has_prices:
             return None
-        prices = self.scenario.prices
-        pickers_per_hour = self.scenario.pickers * (prices.picker_per_hour or 0.0)
-        carriers_per_hour = self.scenario.carrier_count * (prices.carrier_per_hour or 0.0)
-        per_hour = pickers_per_hour + carriers_per_hour + (prices.overhead_per_hour or 0.0)
-        return per_hour / bins_per_hour + (prices.per_bin or 0.0)
+        return sum(self.payments(bins_per_hour, bins).values())
 
 
 class VaryError(ValueError):

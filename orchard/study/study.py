@@ -12,12 +12,23 @@ from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.report.bounds import proven_seconds
+from orchard.report.costs import PAYMENTS
+from orchard.study.break_even import KnownSetting, break_even_words, break_evens
 from orchard.study.checking import checked_settings
 from orchard.study.comparing import LOOKS, Comparison, compare, interval
 from orchard.study.notes import StudyNotes, no_room
 from orchard.study.options import StudyOptions
 from orchard.study.replications import Replications, confirmed, shown_rate
-from orchard.study.result import Check, Goal, Model, Row, Standing, StoppedBy, StudyResult
+from orchard.study.result import (
+    BreakEven,
+    Check,
+    Goal,
+    Model,
+    Row,
+    Standing,
+    StoppedBy,
+    StudyResult,
+)
 from orchard.study.runs import RunRecord, software
 from orchard.study.settings import (
     ALL_IT_TAKES,
@@ -314,7 +325,11 @@ class _Study:
         """
         scenario = self.settings[i].scenario
         is_long = self.options.horizon == "long" or not scenario.has_batteries
-        return is_long and not scenario.own_classes
+        # A faster harvest may cost more then: its last day is shorter, and paid for as much.
+        least = scenario.prices.picker_least_per_day
+        has_short_day = self.options.horizon == "harvest" and least is not None
+        is_limited = self.goal != "cost_per_bin" or not has_short_day
+        return is_long and is_limited and not scenario.own_classes
 
     def _limit(self, i: int, count: int) -> float:
         """Return the best mean of the goal that a setting can have on the first seeds, without
@@ -361,8 +376,23 @@ class _Study:
             violations=sorted(violations),
             given=self.circumstances,
             not_run=[self.settings[i].values for i in sorted(missing, key=self._place)],
+            break_even=self._break_even(comparisons, best),
         )
-        return replace(result, answer=answer(result))
+        notes = [*result.notes, *map(break_even_words, result.break_even)]
+        return replace(result, answer=answer(result), notes=notes)
+
+    def _break_even(self, comparisons: Sequence[Comparison], best: int | None) -> list[BreakEven]:
+        """Return what the last robots of the best setting may cost, if there are prices."""
+        if best is None or not self.settings[best].has_prices:
+            return []
+        count = comparisons[0].count
+        known = {}
+        for i in comparisons[0].leads:
+            records = self.runs.known(i, self.model)
+            # The one run of a setting without chance stands for all seeds.
+            records = records[:count] if self.settings[i].is_random else records[:1] * count
+            known[i] = KnownSetting(self.settings[i], records)
+        return break_evens(known.pop(best), list(known.values()), self.options.confidence)
 
     def _notes(
         self,
@@ -475,13 +505,16 @@ def row_of(setting: Setting, records: Sequence[RunRecord], confidence: float) ->
     rates = []
     seconds = []
     costs = []
+    paid: dict[str, float] = {}
     for record in harvested:
         rates.append(shown_rate(setting, record))
         if record.horizon == "harvest":
             seconds.append(record.sim_seconds)
-        cost = setting.cost_per_bin(record.bins_per_hour)
-        if cost is not None:
-            costs.append(cost)
+        payments = setting.payments(record.bins_per_hour, record.counted_bins)
+        if setting.has_prices:
+            costs.append(sum(payments.values()))
+        for what, amount in payments.items():
+            paid[what] = paid.get(what, 0.0) + amount / len(harvested)
     count = max(1, len(harvested))
     return Row(
         setting=setting.values,
@@ -497,4 +530,5 @@ def row_of(setting: Setting, records: Sequence[RunRecord], confidence: float) ->
         bottleneck=setting.limit.bottleneck,
         standing="jammed",
         lead=None,
+        paid={what: paid[what] for what in PAYMENTS if what in paid},
     )

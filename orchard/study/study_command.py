@@ -25,7 +25,7 @@ from orchard.study.runs import RunFailed
 from orchard.study.settings import CARRIERS, Varied, varied_of
 from orchard.study.store import StoreError, StoreFailed, fault_of
 from orchard.study.study import study
-from orchard.study.table import as_table, save_csv
+from orchard.study.table import as_table, payments_table, save_csv
 from orchard.study.workers import WorkersError
 from orchard.terminal.exits import FAILED, FINISHED, exit_on_errors
 from orchard.terminal.files import KindOfFile, check_writable, one_file
@@ -186,6 +186,8 @@ def _print(result: StudyResult, as_json: bool) -> None:
     console.print(result.answer, markup=False, soft_wrap=not console.is_terminal)
     if result.table:
         console.print(as_table(result))
+    if result.best_row is not None and result.best_row.paid:
+        console.print(payments_table(result.best_row))
     for note in result.notes:
         print_line(f"- {note}")
     if result.stopped_by == "stopped":

@@ -10,8 +10,15 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
+from orchard.report.costs import PAYMENTS
 from orchard.study.result import Check, Interval, Model, Row, Standing, StudyResult
-from orchard.study.words import interval_words, key_words, number_words, value_words
+from orchard.study.words import (
+    interval_words,
+    key_words,
+    number_words,
+    setting_words,
+    value_words,
+)
 
 NONE = "-"  # in place of a figure that there is not
 COLUMNS: dict[str, Callable[[Row], str]] = {
@@ -199,6 +206,30 @@ def _check(check: Check | None) -> str:
     # Adding 0.0 makes 0.0 of -0.0.
     percent = round(100.0 * check.difference, 1) + 0.0
     return f"{_interval(check.bins_per_hour)} {percent:+.1f} %"
+
+
+# -- what is paid for what
+
+
+def payment_lines(row: Row) -> list[tuple[str, str, str]]:
+    """Return what is paid for what, by the mean: in words, its amount for a bin, and its share."""
+    whole = sum(row.paid.values())
+    lines = []
+    for what, amount in row.paid.items():
+        share = f"{100.0 * amount / whole:.0f} %" if whole else NONE
+        lines.append((PAYMENTS[what], number_words(amount), share))
+    return lines
+
+
+def payments_table(row: Row) -> Table:
+    """Return the table of what is paid for what with a setting."""
+    table = Table(box=SIMPLE_HEAD, padding=0, show_edge=False)
+    table.add_column(f"paid with {setting_words(row.setting)}", overflow="fold")
+    table.add_column("a bin", justify="right")
+    table.add_column("share", justify="right")
+    for cells in payment_lines(row):
+        table.add_row(*map(escape, cells))
+    return table
 
 
 # -- CSV

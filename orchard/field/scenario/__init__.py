@@ -2,6 +2,7 @@
 
     schema     what can be set, with its limits, and the rules about several values
     sections   the parts of it: people, crop, picking, carrying, sensors, prices
+    shift      the working day
     fields     the kinds of fields, and who decides them
     names      the names of what is built in
     checking   values -> a scenario, or all problems of them; a scenario with some values changed
@@ -38,8 +39,10 @@ from orchard.field.scenario.sections import (
     Failure,
     LaserSettings,
     People,
+    Prices,
     Spread,
 )
+from orchard.field.scenario.shift import WorkShift
 from orchard.field.ticks import TICKS_PER_SECOND, TIME_STEP
 
 __all__ = [
@@ -65,8 +68,10 @@ __all__ = [
     "Failure",
     "LaserSettings",
     "People",
+    "Prices",
     "Scenario",
     "Spread",
+    "WorkShift",
     "check",
     "load",
     "parse",

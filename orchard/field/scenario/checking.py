@@ -82,11 +82,13 @@ def _errors(values: dict[str, Any]) -> tuple[list[dict[str, Any]], Scenario]:
 
 
 def _with_defaults(field: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """Return what is set to its default because a field is wrong: the field, or the whole survey,
-    because its sizes have no default.
+    """Return what is set to its default because a field is wrong: the field, the whole survey,
+    because its sizes have no default, or all breaks.
     """
     if field[0] == "survey":
         return [("survey",)]
+    if field[:2] == ("shift", "breaks"):
+        return [("shift", "breaks")]
     if field[0] in SURVEYED:
         return [field, ("survey",)]
     return [field]

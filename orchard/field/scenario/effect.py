@@ -57,6 +57,26 @@ def _rules_of_effect(scenario: Scenario) -> Iterator[tuple[tuple[str, ...], str]
             " how many"
         )
         yield ("order_in_row",), text
+    text = _piece_rate_in_vain(scenario)
+    if text:
+        yield ("prices.picker_per_bin", "prices.picker_least_per_day"), text
+
+
+def _piece_rate_in_vain(scenario: Scenario) -> str:
+    """Return why a piece rate has no effect beside the least that a day is paid; '' if it has."""
+    prices = scenario.prices
+    least = prices.picker_least_per_day
+    if not prices.picker_per_bin or least is None or not scenario.shift.is_set:
+        return ""
+    hours = scenario.shift.work_seconds / 3600.0
+    bins = scenario.chosen["picking_rate"] * hours
+    most = hours * (prices.picker_per_hour or 0.0) + bins * prices.picker_per_bin
+    if most > least:
+        return ""
+    return (
+        f"has no effect: at {scenario.chosen['picking_rate']:.3g} bins an hour a day of"
+        f" {hours:.3g} h earns at most {most:.6g}, and {least:.6g} is paid anyway"
+    )
 
 
 def _in_vain(

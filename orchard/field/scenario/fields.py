@@ -45,7 +45,7 @@ def count(meaning: str) -> Any:
     return Field(ge=0, le=MOST_GUESTS, description=meaning)
 
 
-def price(meaning: str) -> Any:
+def price_of(meaning: str) -> Any:
     """Return the field that is a price, in a currency of the user's own."""
     return Field(ge=0.0, le=HIGHEST_PRICE, description=meaning)
 

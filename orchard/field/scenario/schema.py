@@ -54,6 +54,7 @@ from orchard.field.scenario.sections import (
     Prices,
     SensorSettings,
 )
+from orchard.field.scenario.shift import WorkShift
 from orchard.field.survey import (
     FEWEST_ROWS,
     MOST_ROWS,
@@ -210,6 +211,9 @@ class Scenario(Section):
         ),
         CHOICE,
     ] = 0.0
+    shift: Annotated[
+        WorkShift, Field(description="the working day; it changes no run"), CIRCUMSTANCE
+    ] = WorkShift()
     prices: Annotated[
         Prices, Field(description="what a harvest costs, for a study"), CIRCUMSTANCE
     ] = Prices()
@@ -366,9 +370,16 @@ class Scenario(Section):
             self.chargers > 0 or not self.has_batteries, text, "chargers", "carrying.battery.hours"
         )
         self._demand_that_no_row_is_faster_than_a_picker()
+        self._demand_days_for_their_prices()
         if self.route in QUEUES:
             self._demand_room_in_the_queue()
         return self
+
+    def _demand_days_for_their_prices(self) -> None:
+        """Check that there are days if something is paid by the day."""
+        for key in self.prices.by_the_day:
+            text = "a price for a day needs a day: set shift.begin and shift.end"
+            self._demand(self.shift.is_set, text, f"prices.{key}", "shift.begin", "shift.end")
 
     def _demand_room_in_the_queue(self) -> None:
         """The queue has places for all carriers."""

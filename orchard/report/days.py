@@ -1,0 +1,82 @@
+"""The days of a harvest: its time is working time, and a shift says which day and hour that is.
+
+Robots stop where they are at a day's end, and go on from there the next morning. Carriers must be
+at home by then. So all work of a day ends earlier by the time that a carrier needs at most for a
+job and the way home, on free roads: from then on only jobs are finished. That is a little less than
+a day allows, because pickers could go on until the end.
+"""
+
+import math
+from dataclasses import dataclass
+
+from orchard.field.scenario import Scenario, WorkShift
+from orchard.report.bounds import Bounds
+
+# S: a harvest that ends so much after a day's end has ended with that day.
+ROUNDING = 1e-6
+
+
+@dataclass(frozen=True)
+class Day:
+    """Some days that are alike: how long each is, and which part of a harvest it does."""
+
+    count: int
+    hours: float  #: that are paid
+    seconds: float  #: of the harvest
+
+
+@dataclass(frozen=True)
+class WorkDays:
+    """The days of a harvest. `homing_seconds`: how long before a day's end its work ends."""
+
+    shift: WorkShift
+    homing_seconds: float
+
+    @property
+    def day_seconds(self) -> float:
+        """How much of a harvest a day does, s."""
+        return self.shift.work_seconds - self.homing_seconds
+
+    @property
+    def day_hours(self) -> float:
+        """The working hours of a day, which are paid."""
+        return self.shift.work_seconds / 3600.0
+
+    def count(self, seconds: float) -> int:
+        """Return on which day a harvest of this length ends, from 1."""
+        return max(1, math.ceil((seconds - ROUNDING) / self.day_seconds))
+
+    def of(self, seconds: float) -> list[Day]:
+        """Return the days of a harvest of this length: the whole ones, and the last one.
+
+        Of the last one only the hours up to the harvest's end are paid.
+        """
+        whole = self.count(seconds) - 1
+        rest = seconds - whole * self.day_seconds
+        last = Day(count=1, hours=rest / 3600.0, seconds=rest)
+        if whole == 0:
+            return [last]
+        return [Day(count=whole, hours=self.day_hours, seconds=self.day_seconds), last]
+
+    def paid_hours(self, seconds: float) -> float:
+        """Return the working hours of a harvest of this length."""
+        return sum(day.count * day.hours for day in self.of(seconds))
+
+    def words(self, seconds: float) -> str:
+        """Return when a harvest of this length ends: 'day 2 at 09:40'."""
+        day = self.count(seconds)
+        rest = seconds - (day - 1) * self.day_seconds
+        return f"day {day} at {self.shift.time_after(rest)}"
+
+
+def work_days(scenario: Scenario, bounds: Bounds) -> WorkDays | None:
+    """Return the days of a harvest; None if the scenario has no shift.
+
+    `bounds`: those of the scenario. If a carrier's job is longer than half of a day, a day still
+    does half of its time.
+    """
+    if not scenario.shift.is_set:
+        return None
+    longest_job = max(times[3] for times in bounds.of_pickers.values())
+    most = scenario.shift.work_seconds / 2.0
+    return WorkDays(scenario.shift, min(longest_job, most))

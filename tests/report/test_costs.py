@@ -1,0 +1,114 @@
+"""What is paid for what, against sums by hand with round figures."""
+
+from typing import Any
+
+import pytest
+
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import Scenario, WorkShift, parse
+from orchard.report.costs import payments_of_harvest, payments_of_long_run
+from orchard.report.days import WorkDays
+
+# 8 h of work.
+EIGHT_HOURS = WorkDays(WorkShift(begin="08:00", end="16:00"), homing_seconds=0.0)
+SHIFT = {"begin": "08:00", "end": "16:00"}
+
+
+def four_pickers(**prices: Any) -> Scenario:
+    """Return an orchard with 4 pickers and 2 carriers, and a day of 8 h."""
+    return Scenario(rows=8, pickers=4, carriers=2, shift=SHIFT, prices=prices)
+
+
+def test_all_that_is_paid_adds_up_in_the_long_run() -> None:
+    """At 10 bins an hour, an hour costs 100, 20, 30 and 10, and a bin 2 and 1."""
+    scenario = four_pickers(
+        picker_per_hour=25.0,
+        picker_per_bin=2.0,
+        carrier_per_day=80.0,
+        overhead_per_hour=30.0,
+        overhead_per_day=80.0,
+        per_bin=1.0,
+    )
+    assert payments_of_long_run(scenario, 10.0, EIGHT_HOURS) == {
+        "picker_hours": pytest.approx(10.0),
+        "picker_bins": pytest.approx(2.0),
+        "carrier_days": pytest.approx(2.0),
+        "overhead_hours": pytest.approx(3.0),
+        "overhead_days": pytest.approx(1.0),
+        "bins": pytest.approx(1.0),
+    }
+
+
+def test_a_picker_gets_the_least_of_a_day() -> None:
+    """Of 4 bins an hour each picker fills 8 a day, for 80; 40 more are paid for its 8 bins."""
+    scenario = four_pickers(picker_per_bin=10.0, picker_least_per_day=120.0)
+    paid = payments_of_long_run(scenario, 4.0, EIGHT_HOURS)
+    assert paid == {"picker_bins": pytest.approx(10.0), "picker_least": pytest.approx(5.0)}
+    assert "picker_least" not in payments_of_long_run(scenario, 6.0, EIGHT_HOURS)
+
+
+def test_a_day_that_is_begun_is_paid_as_a_whole() -> None:
+    """24 bins at 2 an hour take 12 h: wages of 12 h, and rent of two days."""
+    scenario = four_pickers(picker_per_hour=10.0, carrier_per_day=60.0)
+    paid = payments_of_harvest(scenario, 24, 2.0, EIGHT_HOURS)
+    assert paid["picker_hours"] == pytest.approx(4 * 10.0 * 12 / 24)
+    assert paid["carrier_days"] == pytest.approx(2 * 60.0 * 2 / 24)
+
+
+def test_the_least_is_paid_for_each_day_by_itself() -> None:
+    """8 h earn 80 and 4 h earn 40, and 100 are paid for either: 20 and 60 more."""
+    scenario = four_pickers(picker_per_hour=10.0, picker_least_per_day=100.0)
+    paid = payments_of_harvest(scenario, 24, 2.0, EIGHT_HOURS)
+    assert paid["picker_least"] == pytest.approx(4 * (20.0 + 60.0) / 24)
+
+
+def test_a_machine_that_is_bought_is_paid_by_its_hours() -> None:
+    """40,000 for 4 years of 500 hours are 20 an hour; two carriers at 10 bins an hour: 4 a bin."""
+    bought = {"price": 40000.0, "years": 4.0, "hours_per_year": 500.0}
+    scenario = four_pickers(carrier_bought=bought, picker_bought=bought)
+    assert payments_of_long_run(scenario, 10.0, None) == {
+        "picker_bought": pytest.approx(8.0),
+        "carrier_bought": pytest.approx(4.0),
+    }
+
+
+def test_carriers_that_drive_home_leave_less_of_a_day() -> None:
+    """With 1 h to finish jobs a day does 7 h of a harvest, and is paid as 8 h."""
+    days = WorkDays(WorkShift(begin="08:00", end="16:00"), homing_seconds=3600.0)
+    scenario = four_pickers(picker_per_hour=10.0)
+    # 16 bins at 2 an hour take 8 h: 7 h on the first day, which is paid as 8 h, and 1 h.
+    paid = payments_of_harvest(scenario, 16, 2.0, days)
+    assert paid["picker_hours"] == pytest.approx(4 * 10.0 * 9 / 16)
+
+
+MISTAKES = [
+    (
+        "prices: {carrier_per_day: 80}",
+        "prices.carrier_per_day = 80.0, shift.begin = None, shift.end = None: a price for a day"
+        " needs a day: set shift.begin and shift.end",
+    ),
+    (
+        "prices: {carrier_bought: {price: 9000}}",
+        "prices.carrier_bought.price = 9000.0, prices.carrier_bought.years = None: a price needs"
+        " years and hours_per_year, by which it is paid",
+    ),
+    (
+        "prices: {picker_bought: {years: 8}}",
+        "prices.picker_bought.years = 8.0, prices.picker_bought.hours_per_year = None: must be set"
+        " together",
+    ),
+    (
+        'picking_rate: 1.5\nshift: {begin: "08:00", end: "16:00"}\n'
+        "prices: {picker_per_bin: 10, picker_least_per_day: 200}",
+        "prices.picker_per_bin = 10.0, prices.picker_least_per_day = 200.0: has no effect: at 1.5"
+        " bins an hour a day of 8 h earns at most 120, and 200 is paid anyway",
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "told"), MISTAKES)
+def test_prices_that_cannot_be_are_told(text: str, told: str) -> None:
+    with pytest.raises(ScenarioError) as error:
+        parse(text, "my.yaml")
+    (line,) = str(error.value).splitlines()
+    assert told in line

@@ -1,0 +1,67 @@
+"""What one more robot may cost, against sums by hand."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from orchard.field.scenario import Scenario
+from orchard.study.break_even import KnownSetting, break_even_words, break_evens
+from orchard.study.checking import checked_settings
+from orchard.study.options import StudyOptions
+from orchard.study.settings import Setting
+
+PRICES = {"picker_per_hour": 25.0, "carrier_per_hour": 10.0}
+
+
+def known(rate: float, carriers: int, pickers: int = 4, **prices: Any) -> KnownSetting:
+    """Return a setting with prices of which two runs had this rate, bins/h."""
+    scenario = Scenario(rows=8, pickers=pickers, carriers=carriers, prices=PRICES | prices)
+    record: Any = SimpleNamespace(bins_per_hour=rate, counted_bins=None)
+    return KnownSetting(
+        Setting({"pickers": pickers, "carriers": carriers}, scenario), [record, record]
+    )
+
+
+def test_the_last_carrier_may_cost_what_it_saves() -> None:
+    """With two carriers a bin costs 120 / 10 = 12.
+
+    With three, 12 bins an hour may cost 144: 100 for pickers, 20 for two carriers, 24 for the
+    third one. A fourth one adds nothing: at 130 / 12 a bin it may cost nothing.
+    """
+    settings = [known(10.0, 2), known(12.0, 3), known(12.0, 4)]
+    last, more = break_evens(settings[1], [settings[0], settings[2]], 0.95)
+    assert (last.key, last.number, last.fewer) == ("carriers", 3, 2)
+    assert last.per_hour.mean == pytest.approx(24.0)
+    assert break_even_words(last) == "carrier number 3 pays if it costs up to 24.0 an hour"
+    assert more.per_hour.mean == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_robot_that_is_bought_is_worth_its_hours() -> None:
+    """A fifth picker: 125 an hour at 10 bins would be 12 a bin, and 20 of 145 are carriers'.
+
+    With 4 pickers and 2 carriers a bin costs 12. At 12.5 bins an hour 150 may be paid: 100 for the
+    other pickers, 20 for carriers, 30 for the fifth one, which in 5 years of 400 h is 60,000.
+    """
+    robot = {"years": 5.0, "hours_per_year": 400.0}
+    five = known(12.5, 2, pickers=5, picker_bought=robot)
+    (last,) = break_evens(five, [known(10.0, 2, picker_bought=robot)], 0.95)
+    assert last.per_hour.mean == pytest.approx(30.0)
+    assert last.price is not None and last.price.mean == pytest.approx(60000.0)
+    assert break_even_words(last) == (
+        "picker number 5 pays if it costs up to 30.0 an hour; one that is bought is worth 60,000,"
+        " with 5 years of 400 hours"
+    )
+
+
+def test_settings_that_differ_in_more_tell_no_break_even() -> None:
+    assert break_evens(known(12.0, 3), [known(10.0, 2, pickers=3)], 0.95) == []
+
+
+def test_pickers_that_cost_nothing_are_told() -> None:
+    """Else the most of them would be the cheapest."""
+    scenario = Scenario(rows=8, prices={"carrier_per_hour": 8.0})
+    (problem,) = checked_settings(scenario, {"pickers": [2, 3]}, StudyOptions())[1]
+    assert str(problem).startswith("--vary pickers: prices: pickers vary and cost nothing")
+    for options in (StudyOptions(goal="bins_per_hour"),):
+        assert checked_settings(scenario, {"pickers": [2, 3]}, options)[1] == []

@@ -1,16 +1,26 @@
 """A control of the form: a labelled value, its limits, and what is wrong with it."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from nicegui import ui
+from nicegui.events import GenericEventArguments
 
 from orchard.app.draft import Draft
 from orchard.app.elements import mark_wrong, note
-from orchard.app.entries import Entry
+from orchard.app.entries import MEASURES, Entry
 from orchard.app.typed_numbers import number_of, shown
 
 # Significant digits of a number that the program works out.
 FIGURES = 4
+# JavaScript of a field for a number: who comes into it replaces the number. A click comes after
+# the focus, and would drop what is selected.
+SELECT_ON_FOCUS = "(event) => { event.target.select(); event.target.dataset.fresh = 1 }"
+SELECT_ON_FIRST_CLICK = (
+    "(event) => { if (event.target.dataset.fresh) { event.target.select();"
+    " delete event.target.dataset.fresh } }"
+)
 
 
 class Control:
@@ -23,6 +33,8 @@ class Control:
         name = where + entry.path
         self._slider: ui.slider | None = None
         self._automatic: ui.checkbox | None = None
+        # Whether the program writes into the text field now, and not the user.
+        self._is_program_writing = False
         with ui.element("div").classes("field") as self.box:
             with ui.element("div").classes("field-head") as head:
                 head.props["title"] = entry.words
@@ -34,7 +46,6 @@ class Control:
             if entry.optional:
                 self._automatic = self._build_automatic(name)
             self._problem = note(f"data-problem={name} role=alert")
-            self._meaning = note(f"data-meaning={name}", "field-mark")
             self._mark = note(f"data-mark={name}", "field-mark")
 
     # -- layout
@@ -59,7 +70,9 @@ class Control:
         """Add a text field; with a slider before it, if the range is known."""
         if self.entry.has_slider:
             self._slider = self._build_slider()
-        text = ui.input(on_change=self._entered)
+        text = ui.input(on_change=self._typed)
+        text.on("focus", js_handler=SELECT_ON_FOCUS)
+        text.on("click", js_handler=SELECT_ON_FIRST_CLICK)
         text.classes("grow" if self._slider is None else "number")
         return text.props("dense outlined autocomplete=off inputmode=decimal input-class=figure")
 
@@ -67,13 +80,13 @@ class Control:
         entry = self.entry
         slider = ui.slider(min=entry.low, max=entry.high, step=entry.step, value=entry.low)
         slider.classes("grow").props(f'aria-label="{entry.label}"')
-        slider.on("update:model-value", lambda event: self.show(event.args), throttle=0.05)
+        slider.on("update:model-value", self._slid, throttle=0.05)
         return slider
 
     def _build_automatic(self, name: str) -> ui.checkbox:
         """Add a box to tick for no value. `name`: of the control, for tests."""
         none = self.entry.none
-        automatic = ui.checkbox(none, on_change=self._entered).classes("field-more")
+        automatic = ui.checkbox(none, on_change=self._ticked).classes("field-more")
         automatic.props(f'dense size=sm aria-label="{self.entry.label}: {none}"')
         return automatic.props(f"data-field={name}-automatic")
 
@@ -81,24 +94,42 @@ class Control:
 
     def show(self, value: Any) -> None:
         """Show a value of the draft, also one that is invalid there."""
+        with self._written_by_program():
+            self._show(value)
+
+    def _show(self, value: Any) -> None:
+        entry = self.entry
         if self._automatic is not None:
             self._automatic.set_value(value is None)
-        if self.entry.choices:
-            self._value.set_options([*dict.fromkeys([*self.entry.choices, value])], value=value)
-        elif self.entry.kind is bool:
+        if entry.choices:
+            self._value.set_options([*dict.fromkeys([*entry.choices, value])], value=value)
+        elif entry.kind is bool:
             # Any other value stays in the draft, as a problem.
             self._value.set_value(value is True)
-        elif value is not None:
-            self._value.set_value(shown(value) if self.entry.kind in (int, float) else value)
+        elif entry.kind in (int, float):
+            self._value.set_value("" if value is None else shown(entry.to_page(value)))
+        else:
+            self._value.set_value(value)
 
     def show_chosen(self, number: float) -> None:
         """Show the number that the program has worked out, if the user leaves it to it."""
-        if self._automatic is not None and self._automatic.value:
-            self._value.set_value(shown(float(f"{number:.{FIGURES}g}")))
+        if self._is_automatic:
+            with self._written_by_program():
+                self._value.set_value(shown(float(f"{number:.{FIGURES}g}")))
 
-    def explain(self, meaning: str) -> None:
-        """Show what the value means in other terms."""
-        self._meaning.set_text(meaning)
+    def follow(self, value: Any) -> None:
+        """Follow the draft where another entry has left this one to the program."""
+        if value is None and not self._is_automatic:
+            self.show(None)
+
+    @contextmanager
+    def _written_by_program(self) -> Iterator[None]:
+        """Within this, what the elements show is of the program, and enters nothing."""
+        self._is_program_writing = True
+        try:
+            yield
+        finally:
+            self._is_program_writing = False
 
     def complain(self, problem: str) -> None:
         """Show what is wrong with the value; '' if nothing is."""
@@ -111,16 +142,44 @@ class Control:
 
     # -- what is entered
 
+    @property
+    def _is_automatic(self) -> bool:
+        """Whether the user leaves the value to the program."""
+        return self._automatic is not None and bool(self._automatic.value)
+
+    def _typed(self) -> None:
+        """Take a text. Who types a number does not leave it to the program any more."""
+        if not self._is_program_writing:
+            self._leave_automatic()
+        self._entered()
+
+    def _ticked(self) -> None:
+        """Take whether the program chooses the value. The number that was there goes."""
+        if self._is_automatic and not self._is_program_writing:
+            self.show(None)
+        self._entered()
+
+    def _slid(self, event: GenericEventArguments) -> None:
+        """Take the number to which the user has moved the slider."""
+        self._leave_automatic()
+        self._value.set_value(shown(event.args))
+
+    def _leave_automatic(self) -> None:
+        if self._automatic is not None:
+            with self._written_by_program():
+                self._automatic.set_value(False)
+
     def _entered(self) -> None:
-        """Take what the user has entered into the draft."""
-        is_automatic = self._automatic is not None and bool(self._automatic.value)
-        self._value.set_enabled(not is_automatic)
+        """Show what follows, and take what the user has entered into the draft."""
         typed = self._value.value
-        value = bool(typed) if self.entry.kind is bool else typed or ""
+        value: Any = bool(typed) if self.entry.kind is bool else typed or ""
         if self._slider is not None:
-            self._slider.set_enabled(not is_automatic)
             self._move_slider(self._slider, value)
-        self._draft.enter({self.entry.path: None if is_automatic else value})
+        if self._is_program_writing:
+            return
+        if self.entry.path in MEASURES:
+            value = self.entry.from_page(number_of(value))
+        self._draft.enter({self.entry.path: None if self._is_automatic else value})
 
     def _move_slider(self, slider: ui.slider, value: object) -> None:
         """Move the slider to a number, as far as it goes. It stays where it is for all else."""

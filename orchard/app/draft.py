@@ -1,17 +1,20 @@
 """What a user has entered: the values of a scenario, and what is wrong with each."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from orchard.app.entries import entries, flat, label_of, words_of
+from orchard.app.entries import MEASURES, entries, flat, label_of, words_of
 from orchard.app.own_classes import AGENTS, CHOICES
-from orchard.app.typed_numbers import number_of, with_point, write_a_point
+from orchard.app.typed_numbers import advice_on, meanings_of, number_of
 from orchard.behaviour.catalogue import check_plugins
 from orchard.field.layout import lay_out
 from orchard.field.problems import Problem, ScenarioError
-from orchard.field.scenario import Scenario, with_changes, with_effect
+from orchard.field.scenario import Scenario, other_ways, with_changes, with_effect
 from orchard.study.words import counted
 
+# Keys of one word that a problem may name.
+SHORT_KEYS = ("cv", "distribution", "hours")
 # Values that each title names.
 IN_TITLE = ("rows", "pickers", "carriers", "seed")
 
@@ -79,10 +82,17 @@ class Draft:
     def enter(self, values: Mapping[str, Any]) -> None:
         """Enter values by path, as they are typed, and check all again.
 
+        Some values say the same in different ways, such as a picking speed and a rate. The last
+        one that is entered counts: the other ways are left to the program.
+
         KeyError if there is no such entry.
         """
         typed = {path: _typed(path, value) for path, value in values.items()}
-        self.values = self.values | typed
+        replaced: dict[str, Any] = {}
+        for path, value in typed.items():
+            if value is not None:
+                replaced |= dict.fromkeys(other_ways(path))
+        self.values = self.values | replaced | typed
         self._check()
 
     @property
@@ -118,7 +128,7 @@ class Draft:
             if self.classes:
                 check_plugins(lay_out(scenario))
         except ScenarioError as error:
-            messages = _by_field(error.problems)
+            messages = self._by_field(error.problems)
             self.problems = {path: text + self._advice(path) for path, text in messages.items()}
         except ValueError as error:
             self.problems = {"agents": str(error)}
@@ -126,19 +136,22 @@ class Draft:
             self.scenario = scenario
 
     def _advice(self, path: str) -> str:
-        """Return advice on a number that was typed with a comma.
+        """Return advice on a number that can be read in two ways.
 
-        Return '' for all else, and if the number is refused with a point too.
+        Return '' for all else, and if the number is refused in both ways.
         """
-        meant = with_point(self.values.get(path))
-        if not meant:
-            return ""
+        text = self.values.get(path)
+        accepted = [meaning for meaning in meanings_of(text) if self._is_accepted(path, meaning)]
+        return advice_on(text, accepted)
+
+    def _is_accepted(self, path: str, text: str) -> bool:
+        """Whether nothing is wrong with an entry by itself, if this is typed there."""
+        value = entries()[path].from_page(_typed(path, text))
         try:
-            with_changes(self._base, **self.values | {path: _typed(path, meant)})
+            with_changes(self._base, **self.values | {path: value})
         except ScenarioError as error:
-            if path in _by_field(error.problems):
-                return ""
-        return write_a_point(meant)
+            return all(problem.path != path for problem in error.problems)
+        return True
 
     def _foreign_rules(self) -> dict[str, str]:
         """Return a message for each rule that is neither built in nor named in the file.
@@ -149,10 +162,46 @@ class Draft:
         for path, built_in in CHOICES.items():
             if self.values[path] not in (*built_in, getattr(self._base, path)):
                 problems[path] = (
-                    f"must be {', '.join(built_in)};"
+                    f"{label_of(path)}: must be {', '.join(built_in)};"
                     " a class of your own must be named in a scenario file"
                 )
         return problems
+
+    def _by_field(self, problems: list[Problem]) -> dict[str, str]:
+        """Return messages by field. Each begins with what it is about, by the form's labels.
+
+        A rule about several fields appears at each of them, with their values.
+        """
+        messages: dict[str, str] = {}
+        for problem in problems:
+            text = self._words_of(problem)
+            for path in problem.path.split(", "):
+                messages[path] = f"{messages[path]}; {text}" if path in messages else text
+        return messages
+
+    def _words_of(self, problem: Problem) -> str:
+        """Return a problem as the page says it.
+
+        "Rows: must be ...", or of several values "Rows = 3, Pickers = 4: must be ...".
+        """
+        paths = problem.path.split(", ")
+        if len(paths) > 1:
+            about = ", ".join(f"{label_of(path)} = {self._shown(path)}" for path in paths)
+            return f"{about}: {_by_labels(problem.text, paths)}"
+        entry = entries().get(problem.path)
+        if entry is None:
+            return f"{problem.what}: {problem.text}"
+        is_of_survey = self._base.survey is not None and problem.path in MEASURES
+        if is_of_survey:
+            return f"{entry.label}: is as surveyed, and cannot be changed here"
+        # The description is that of the form, and needs no second place.
+        is_about_limits = problem.text.endswith(")")
+        text = entry.wanted if entry.wanted and is_about_limits else problem.text
+        return f"{entry.label}: {_by_labels(text, paths)}"
+
+    def _shown(self, path: str) -> str:
+        """Return a value of the draft as words, in the measure of the page."""
+        return words_of(path, self.values[path]) if path in self.values else "set"
 
 
 def counted_fields(number: int) -> str:
@@ -169,27 +218,15 @@ def _typed(path: str, value: Any) -> Any:
     return value
 
 
-def _by_field(problems: list[Problem]) -> dict[str, str]:
-    """Return messages by field.
+def _by_labels(text: str, paths: Sequence[str]) -> str:
+    """Return the text of a problem with the form's labels in place of keys of the file.
 
-    A rule about several fields appears at each of them, with their values.
+    `paths`: what the problem is about.
     """
-    messages: dict[str, str] = {}
-    for problem in problems:
-        paths = problem.path.split(", ")
-        text = problem.text
-        if len(paths) > 1:
-            text = f"{_labelled(problem)}: {text}"
-        for path in paths:
-            messages[path] = f"{messages[path]}; {text}" if path in messages else text
-    return messages
-
-
-def _labelled(problem: Problem) -> str:
-    """Return the values that a rule is about, by the labels of the form: Rows = 3, Pickers = 4."""
-    paths = problem.path.split(", ")
-    values = problem.value.split(", ")
-    if len(paths) != len(values):
-        return problem.what
-    parts = [f"{label_of(path)} = {value}" for path, value in zip(paths, values, strict=True)]
-    return ", ".join(parts)
+    for path in sorted(entries(), key=len, reverse=True):
+        name = path.rpartition(".")[2]
+        is_key = "_" in name or name in SHORT_KEYS
+        if is_key and (path == name or path in paths):
+            text = re.sub(rf"\b{name}\b", f"“{label_of(path)}”", text)
+    none = entries()[paths[-1]].none if paths[-1] in entries() else "automatic"
+    return re.sub(r"\bnull\b", f"“{none}”", text)

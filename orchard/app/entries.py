@@ -1,10 +1,11 @@
 """The entries of the form: a value of a scenario each, with its label, its limits and its words."""
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, reduce
 from math import floor, inf, log10
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -12,6 +13,7 @@ from pydantic.fields import FieldInfo
 from orchard.app.own_classes import AGENTS
 from orchard.app.typed_numbers import shown
 from orchard.field.scenario import Scenario
+from orchard.field.survey import row_width_of, spacing_of
 from orchard.study.words import none_words
 
 # These come from a file, and are not entered on the page.
@@ -20,6 +22,15 @@ FROM_FILE = (*AGENTS, "survey", "shift")
 NEEDED = ("laser", "odometry")
 # Labels of values for which the words of the file are too short for a reader of the page.
 LABELS = {
+    "row_width": "Spacing of rows",
+    "crop.tonnes_per_hectare": "Yield",
+    "crop.kilograms_per_bin": "Fruit in a bin",
+    "picking_rate": "Bins an hour each",
+    "prices.picker_per_hour": "Price of a picker",
+    "prices.carrier_per_hour": "Price of a carrier",
+    "prices.overhead_per_hour": "Price of all else",
+    "prices.per_bin": "Price of a bin",
+    "dispatch": "Dispatch policy",
     "dispatch_errors": "After a refused order",
     "picking.spread.distribution": "Spread of times",
     "picking.spread.cv": "Deviation of times",
@@ -42,6 +53,30 @@ LABELS = {
     "sensors.gnss.bias_time": "GNSS correlation time",
     "bay": "Bay moved east by",
 }
+# Units of values whose words name none.
+UNITS = {
+    "pickers": "people",
+    "prices.picker_per_hour": "an hour",
+    "prices.carrier_per_hour": "an hour",
+    "prices.overhead_per_hour": "an hour",
+    "prices.per_bin": "each",
+}
+
+
+class Measure(NamedTuple):
+    """Another measure of a value: that of the page. `words`: its meaning, with the unit."""
+
+    words: str
+    to_page: Callable[[float], float]
+    from_page: Callable[[float], float]
+
+
+# Values that people measure otherwise than the scenario has them.
+MEASURES = {
+    "row_width": Measure(
+        "spacing of rows, from one line of trees to the next, m", spacing_of, row_width_of
+    ),
+}
 # The widest range of a slider. A value with a wider one gets a text field only.
 WIDEST = 1e6
 
@@ -53,7 +88,7 @@ class Entry:
     `path`: dotted path in the scenario file. `words`: its description, with the unit. `kind`: int,
     float, bool, or str; a str is one of `choices`, or a class of the user's that a file names.
     `optional`: whether None is allowed, with which the program chooses the value. `low`, `high`:
-    limits, both included.
+    limits, both included, in the measure of the page.
     """
 
     path: str
@@ -83,7 +118,9 @@ class Entry:
     @property
     def unit(self) -> str:
         """The unit in the description, such as m or bins/h; '' if there is none."""
-        match = re.search(r", (m/s|m|s|bins/h|t/ha|kg)(?=;|$)", self.words)
+        if self.path in UNITS:
+            return UNITS[self.path]
+        match = re.search(r", (m/s|m|s|bins/h|t/ha|kg|degrees/s)(?=[;,]|$)", self.words)
         return match.group(1) if match else ""
 
     @property
@@ -107,10 +144,33 @@ class Entry:
 
     @property
     def limits(self) -> str:
-        """The limits and the unit as text, such as '0 to 0.02 m'; '' without a slider."""
+        """The limits and the unit as text, such as '0 to 0.02 m'; without a slider the unit."""
         if not self.has_slider:
-            return ""
+            return self.unit
         return f"{self.low:g} to {self.high:g} {self.unit}".rstrip()
+
+    @property
+    def wanted(self) -> str:
+        """What a number must be, in words: 'must be a number from 20 to 400 m'; '' for no number.
+
+        Limits are written with all their digits.
+        """
+        if self.kind not in (int, float):
+            return ""
+        noun = "a whole number" if self.kind is int else "a number"
+        span = "" if self.low == -inf else f" from {shown(self.low)} to {shown(self.high)}"
+        none = f", or tick “{self.none}”" if self.optional else ""
+        return f"must be {noun}{span} {self.unit}".rstrip() + none
+
+    def to_page(self, value: Any) -> Any:
+        """Return a value of the scenario in the measure of the page. What is no number stays."""
+        is_measured = self.path in MEASURES and isinstance(value, int | float)
+        return MEASURES[self.path].to_page(value) if is_measured else value
+
+    def from_page(self, value: Any) -> Any:
+        """Return a value of the page in the measure of the scenario. What is no number stays."""
+        is_measured = self.path in MEASURES and isinstance(value, int | float)
+        return MEASURES[self.path].from_page(value) if is_measured else value
 
 
 @cache
@@ -153,13 +213,21 @@ def _entry_of(path: str, field: FieldInfo) -> Entry:
     """Return the entry for a value of the scenario."""
     kinds = _kinds_of(field)
     limits = {type(limit).__name__: limit for limit in field.metadata}
+    low = limits["Ge"].ge if "Ge" in limits else -inf
+    high = limits["Le"].le if "Le" in limits else inf
+    words = field.description or ""
+    if path in MEASURES:
+        measure = MEASURES[path]
+        words = measure.words
+        low = measure.to_page(low)
+        high = measure.to_page(high)
     return Entry(
         path=path,
-        words=field.description or "",
+        words=words,
         kind=kinds[0],
         optional=type(None) in kinds,
-        low=limits["Ge"].ge if "Ge" in limits else -inf,
-        high=limits["Le"].le if "Le" in limits else inf,
+        low=low,
+        high=high,
         choices=tuple(map(str, field.examples or ())),
     )
 
@@ -177,4 +245,4 @@ def words_of(path: str, value: Any) -> str:
         return value
     if isinstance(value, bool):
         return "on" if value else "off"
-    return shown(value)
+    return shown(entries()[path].to_page(value))

@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 
 from nicegui import ui
 
-from orchard.app.control import FIGURES, Control
+from orchard.app.control import Control
+from orchard.app.conversion import conversion_words
 from orchard.app.draft import Draft
 from orchard.app.elements import button, heading, note
 from orchard.app.entries import entries, flat, words_of
@@ -12,9 +13,30 @@ from orchard.app.own_classes import AGENTS
 from orchard.field.scenario import Scenario
 
 # Title of a group -> the paths of its entries.
+ROWS = "Your rows"
 GROUPS = {
-    "Orchard": ("rows", "row_length", "bins_per_row", "row_width", "seed"),
-    "Robots": ("pickers", "picking_rate", "carriers", "dispatch", "rows_to_pickers", "route"),
+    ROWS: (
+        "rows",
+        "row_length",
+        "row_width",
+        "crop.tonnes_per_hectare",
+        "crop.kilograms_per_bin",
+        "pickers",
+        "picking_rate",
+    ),
+    "Fleet and prices": (
+        "carriers",
+        "dispatch",
+        "prices.picker_per_hour",
+        "prices.carrier_per_hour",
+        "prices.overhead_per_hour",
+        "prices.per_bin",
+    ),
+}
+# Groups that are folded away.
+FOR_EXPERTS = {
+    "Robots": ("rows_to_pickers", "route", "order_in_row", "seed"),
+    "Bins and picking speed": ("bins_per_row", "metres_per_bin", "picking_speed"),
     "Picking": (
         "picking.driving_speed",
         "picking.turning",
@@ -40,22 +62,6 @@ GROUPS = {
     ),
     "People and animals": ("people.workers", "people.visitors", "animals.dogs", "animals.cats"),
     "Surroundings": ("weeds", "tractor"),
-    "Prices": (
-        "prices.picker_per_hour",
-        "prices.carrier_per_hour",
-        "prices.overhead_per_hour",
-        "prices.per_bin",
-    ),
-}
-# Groups that are folded away.
-FOR_EXPERTS = {
-    "Fruit and speed": (
-        "metres_per_bin",
-        "crop.tonnes_per_hectare",
-        "crop.kilograms_per_bin",
-        "order_in_row",
-        "picking_speed",
-    ),
     "Sensors": (
         "laser.noise",
         "sensors.gnss.white",
@@ -79,7 +85,12 @@ class Form:
         """`draft`: what the controls show, and what they enter into."""
         self._draft = draft
         self._controls: dict[str, Control] = {}
+        # Title of a group -> its box.
+        self._boxes: dict[str, ui.element] = {}
         self._add(GROUPS)
+        with self._boxes[ROWS]:
+            self._conversion = ui.label().classes("conversion")
+            self._conversion.props("data-view=conversion role=status")
         with (
             ui.expansion("For experts")
             .classes("experts")
@@ -98,7 +109,8 @@ class Form:
     def _add(self, groups: Mapping[str, Sequence[str]]) -> None:
         """Add controls. `groups`: title -> the paths of its entries."""
         for title, paths in groups.items():
-            with _group(title):
+            self._boxes[title] = _group(title)
+            with self._boxes[title]:
                 for path in paths:
                     self._controls[path] = Control(entries()[path], self._draft)
 
@@ -114,6 +126,7 @@ class Form:
         """
         draft = self._draft
         for path, control in self._controls.items():
+            control.follow(draft.values[path])
             control.complain(draft.problems.get(path, ""))
         self._mark_differences(running)
         if draft.scenario is not None:
@@ -137,10 +150,7 @@ class Form:
         chosen = scenario.chosen
         for path, number in chosen.items():
             self._controls[path].show_chosen(number)
-        metres = f"{chosen['metres_per_bin']:.{FIGURES}g}"
-        self._controls["bins_per_row"].explain(f"a bin fills in {metres} m of row")
-        speed = f"{chosen['picking_speed']:.{FIGURES}g}"
-        self._controls["picking_rate"].explain(f"a picker goes {speed} m/s")
+        self._conversion.set_text(conversion_words(scenario))
 
     def _follow_classes(self) -> None:
         """Show the user's own classes, and what is wrong with them."""

@@ -11,7 +11,7 @@ from orchard.app.charts import Course, course_of
 from orchard.app.command import Files, Latest, PageCommand
 from orchard.app.past_runs import Record
 from orchard.app.picture import ViewerPanel
-from orchard.app.typed_numbers import number_problem, shown
+from orchard.app.typed_numbers import number_problem, with_point
 from orchard.app.what_if import Fork
 from orchard.field.scenario import Scenario
 from orchard.report.metrics import SAMPLED
@@ -89,9 +89,9 @@ def command(
     else:
         line += ["fork", *fork.words]
     line += ["--mode", settings.mode, "--progress", "json"]
-    line += ["--speed", "max" if settings.is_fastest else shown(float(settings.speed))]
+    line += ["--speed", "max" if settings.is_fastest else with_point(settings.speed)]
     if not settings.is_whole_harvest:
-        line += ["--duration", shown(float(settings.duration))]
+        line += ["--duration", with_point(settings.duration)]
     if settings.live:
         line += ["--web", str(web_port)]
     line += ["--record", str(files.recording), "--summary", str(files.summary)]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import msgspec
 
 from orchard.app.command import Files, Latest, PageCommand
-from orchard.app.typed_numbers import number_problem, shown
+from orchard.app.typed_numbers import number_problem, with_point
 from orchard.field.scenario import Scenario
 from orchard.study.result import Horizon, StudyResult
 
@@ -42,7 +42,7 @@ def study_command(settings: StudySettings, files: Files) -> list[str]:
     if settings.route:
         line += ["--vary", f"route={','.join(settings.route)}"]
     line += ["--horizon", settings.horizon]
-    line += ["--budget", f"{shown(float(settings.budget))}s"]
+    line += ["--budget", f"{with_point(settings.budget)}s"]
     line += ["--progress", "json", "--summary", str(files.summary)]
     return line
 

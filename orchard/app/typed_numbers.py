@@ -1,20 +1,30 @@
-"""Numbers as a user types them: what a text means, and what is wrong with it."""
+"""Numbers as a user types them: what a text means, and what is wrong with it.
+
+A point or a comma is the decimal sign: 4.5 and 4,5 are the same. A comma before three digits may
+also part thousands. So 1,250 is refused with both of its meanings, and 0,125 is not.
+"""
 
 import re
+from collections.abc import Sequence
 
 # Digits that are read. More of them are refused before Python would take long to read them.
 WHOLE = re.compile(r"[-+]?[0-9]{1,29}")
-DECIMAL = re.compile(r"[-+]?([0-9]{1,40}\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]{1,3})?")
-WITH_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+")
+DECIMAL = re.compile(r"[-+]?([0-9]{1,40}[.,]?[0-9]*|[.,][0-9]+)([eE][-+]?[0-9]{1,3})?")
+# The comma of such a number may be a decimal sign, or part thousands.
+AMBIGUOUS = re.compile(r"[-+]?[1-9][0-9]{0,2},[0-9]{3}")
 
 
 def number_of(text: str) -> int | float | str:
-    """Return the number in a text, or the text, stripped, if it is not a number."""
+    """Return the number in a text, or the text, stripped, if it is not a number.
+
+    >>> number_of("4.5"), number_of("4,5"), number_of("1,250")
+    (4.5, 4.5, '1,250')
+    """
     text = text.strip()
     if WHOLE.fullmatch(text):
         return int(text)
-    if DECIMAL.fullmatch(text):
-        return float(text)
+    if DECIMAL.fullmatch(text) and not AMBIGUOUS.fullmatch(text):
+        return float(text.replace(",", "."))
     return text
 
 
@@ -23,19 +33,37 @@ def shown(number: float) -> str:
     return str(number).removesuffix(".0")
 
 
-def with_point(text: object) -> str:
-    """Return a number that was typed with a comma as it is typed with a point; '' for all else."""
-    if not isinstance(text, str) or not WITH_COMMA.fullmatch(text.strip()):
-        return ""
-    return text.strip().replace(",", ".")
+def with_point(text: str) -> str:
+    """Return a number that was typed as a command takes it: 0.5 for 0,5. A text stays as it is.
 
-
-def write_a_point(number: str) -> str:
-    """Return advice to append to an error message.
-
-    Only a number that is accepted may be advised.
+    >>> with_point(" 0,5 ")
+    '0.5'
     """
-    return f"; write a point: {number}"
+    number = number_of(text)
+    return number if isinstance(number, str) else shown(number)
+
+
+def meanings_of(text: object) -> list[str]:
+    """Return both numbers that an ambiguous text may mean, as text; nothing for all else.
+
+    >>> meanings_of("1,250")
+    ['1.25', '1250']
+    """
+    if not isinstance(text, str) or not AMBIGUOUS.fullmatch(text.strip()):
+        return []
+    decimal = float(text.strip().replace(",", "."))
+    whole = int(text.strip().replace(",", ""))
+    return [shown(decimal), shown(whole)]
+
+
+def advice_on(text: object, accepted: Sequence[str]) -> str:
+    """Return advice to append to an error message about an ambiguous number; '' for all else.
+
+    `accepted`: those of its meanings that are right. Only these may be advised.
+    """
+    if not accepted:
+        return ""
+    return f"; {text} may mean {' or '.join(meanings_of(text))}: write {' or '.join(accepted)}"
 
 
 def span(limits: tuple[float, float]) -> str:
@@ -50,11 +78,8 @@ def number_problem(text: str, limits: tuple[float, float], also: str = "") -> st
     """
     if _is_within(text, limits):
         return ""
-    problem = f"must be a number from {span(limits)}{also}"
-    meant = with_point(text)
-    if _is_within(meant, limits):
-        problem += write_a_point(meant)
-    return problem
+    accepted = [meaning for meaning in meanings_of(text) if _is_within(meaning, limits)]
+    return f"must be a number from {span(limits)}{also}{advice_on(text, accepted)}"
 
 
 def _is_within(text: str, limits: tuple[float, float]) -> bool:

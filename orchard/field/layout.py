@@ -25,7 +25,15 @@ from orchard.field.problems import Problem, ScenarioError
 from orchard.field.queue import BAY_STOP, ONE_WAY, QUEUES, USUAL_ROW, Queue, lack_of_room, queue_of
 from orchard.field.rows import Block, rows_to_pickers
 from orchard.field.scenario import Scenario
-from orchard.field.survey import FURTHEST, MISSING, ROUNDING, TRUNK, Survey, SurveyedRow
+from orchard.field.survey import (
+    FURTHEST,
+    MISSING,
+    ROUNDING,
+    TRUNK,
+    Survey,
+    SurveyedRow,
+    spacing_of,
+)
 
 # Layouts in the cache.
 KEPT_LAYOUTS = 8
@@ -379,7 +387,7 @@ def _moving_order(start: Start) -> tuple[bool, bool, str]:
 
 def _alike(scenario: Scenario) -> Rows:
     """Return the lanes and lines of trees of rows that are all alike."""
-    pitch = scenario.row_width + TRUNK
+    pitch = spacing_of(scenario.row_width)
     top = top_line(pitch / 2)
     length = scenario.row_length
     lanes = []

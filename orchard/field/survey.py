@@ -33,8 +33,30 @@ MISSING = 1.8
 # m, at most, between two rows where some are missing, or where a farm road passes.
 WIDEST_GAP = 60.0
 ROUNDING = 1e-6  # m
+# Decimals of a width that follows from a spacing: no bits that nobody has typed.
+DECIMALS = 9
 # No control characters: names are printed.
 NAME = r"^[^\x00-\x1f\x7f-\x9f]+$"
+
+
+def spacing_of(row_width: float) -> float:
+    """Return the spacing of rows, m: from one tree line to the next, and from lane to lane.
+
+    Growers measure it so. `row_width`: m between the trees of a row, as in a scenario.
+
+    >>> spacing_of(4.0)
+    4.5
+    """
+    return row_width + TRUNK
+
+
+def row_width_of(spacing: float) -> float:
+    """Return the width of a row between its trees, m: the inverse of `spacing_of`.
+
+    >>> row_width_of(3.66)
+    3.16
+    """
+    return round(spacing - TRUNK, DECIMALS)
 
 
 class SurveyedRow(Section):

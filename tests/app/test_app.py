@@ -293,7 +293,7 @@ def test_a_file_is_opened_changed_and_saved(browser, downloads, tmp_path):
     browser.fill("seed", 2**63 - 1)
     browser.switch("picking.failure.mean_between-automatic", False)
     browser.until(
-        lambda: "null or a number from 60" in browser.problem("picking.failure.mean_between"),
+        lambda: "must be a number from 60" in browser.problem("picking.failure.mean_between"),
         "a number is asked for",
     )
     browser.fill("picking.failure.mean_between", 1800)
@@ -301,13 +301,49 @@ def test_a_file_is_opened_changed_and_saved(browser, downloads, tmp_path):
     browser.fill("picking.spread.cv", 0.6)
     for path in ("picking.spread.cv", "picking.spread.distribution", "picking_speed"):
         browser.until(
-            lambda path=path: "cv must be at most 0.5" in browser.problem(path), f"told at {path}"
+            lambda path=path: "“Deviation of times” must be at most 0.5" in browser.problem(path),
+            f"told at {path}",
         )
     browser.fill("picking.spread.cv", 0.5)
     browser.until(lambda: not browser.problem("picking_speed"), "all is well again")
     picking = {"spread": {"distribution": "gamma", "cv": 0.5}, "failure": {"mean_between": 1800.0}}
     size = {"rows": 12, "pickers": 4, "carriers": 9, "seed": 2**63 - 1}
     assert load(browser.saved(downloads)) == Scenario(**size, picking_speed=0.5, picking=picking)
+
+
+def told(page):
+    """What the figures of the first card come to."""
+    return page.view("conversion").text
+
+
+def test_the_rows_of_a_grower_are_typed_as_he_says_them(browser):
+    """With a comma, and with the spacing from trees to trees. A number replaces "unknown"."""
+    typed = {
+        "rows": 20,
+        "row_length": 90,
+        "row_width": "4,5",
+        "crop.tonnes_per_hectare": 40,
+        "crop.kilograms_per_bin": 350,
+        "pickers": 6,
+        "picking_rate": "1,5",
+    }
+    for path, value in typed.items():
+        browser.fill(path, value)
+    browser.until(lambda: "4.63 bins a row, 92.6 in all" in told(browser), "what they come to")
+    assert not browser.driver.find_elements("css selector", ".field.wrong")
+    assert browser.field("crop.tonnes_per_hectare-automatic").get_attribute("aria-checked") == (
+        "false"
+    )
+    browser.fill("bins_per_row", 3)
+    browser.until(lambda: told(browser).startswith("3 bins a row"), "the last one counts")
+    assert browser.field("crop.tonnes_per_hectare").get_attribute("value") == ""
+    browser.fill("row_width", 3)
+    browser.until(
+        lambda: (
+            browser.problem("row_width") == "Spacing of rows: must be a number from 3.65 to 12.5 m"
+        ),
+        "as he measures it",
+    )
 
 
 def test_longer_rows_leave_a_rate_and_show_its_speed(browser):
@@ -318,12 +354,12 @@ def test_longer_rows_leave_a_rate_and_show_its_speed(browser):
     browser.switch("picking_rate-automatic", False)
     browser.fill("picking_rate", 1.5)
     browser.until(
-        lambda: browser.one("[data-meaning=picking_rate]").text == "a picker goes 0.02917 m/s",
+        lambda: "2 pickers fill 3 bins an hour while they pick, and go 0.0292 m/s" in told(browser),
         "1.5 rows of 70 m an hour",
     )
     browser.fill("row_length", 110)
     browser.until(
-        lambda: browser.one("[data-meaning=picking_rate]").text == "a picker goes 0.04583 m/s",
+        lambda: "and go 0.0458 m/s" in told(browser),
         "1.5 rows of 110 m an hour",
     )
     assert browser.field("picking_rate").get_attribute("value") == "1.5"

@@ -48,7 +48,7 @@ def test_labels_are_words_of_a_reader():
     )
 
 
-NO_NUMBERS = {"5,5": "write a point: 5.5", "abc": "from 3.15 to 12", "": "number", "1e999": "to 12"}
+NO_NUMBERS = {"abc": "from 3.65 to 12.5", "": "number", "1e999": "to 12.5"}
 WRONG_FIELDS = [
     ({"rows": 101.0}, {"rows": "from 3 to 100"}),
     ({"rows": 5.5}, {"rows": "a whole number"}),
@@ -138,22 +138,42 @@ def test_of_many_mistakes_in_a_file_some_are_named(refused):
     assert len(lines) == 51 and lines[-1] == "and 150 more problems"
 
 
-REFUSED_WITH_A_POINT = [{"row_width": "3,1"}, {"rows": "5,5"}, {"people.workers": "60,0"}]
+def test_a_comma_is_a_decimal_sign_as_a_point_is():
+    for typed in ("85.5", "85,5", " 85,50 ", "855e-1"):
+        draft = Draft(Scenario())
+        draft.enter({"row_length": typed})
+        assert draft.scenario == Scenario(row_length=85.5), typed
+    draft.enter({"prices.per_bin": "0,125"})
+    assert draft.scenario.prices.per_bin == 0.125, "nobody parts thousands so"
 
 
-@pytest.mark.parametrize("changes", REFUSED_WITH_A_POINT)
-def test_no_number_is_advised_that_is_refused(changes):
+def test_a_comma_that_may_part_thousands_is_refused():
+    """Both meanings are said. Only one that is right is advised."""
     draft = Draft(Scenario())
-    draft.enter(changes)
-    ((_, words),) = draft.problems.items()
-    assert "point" not in words
+    draft.enter({"prices.per_bin": "1,250", "crop.kilograms_per_bin": "1,250", "rows": "5,500"})
+    assert draft.scenario is None
+    told = draft.problems
+    assert told["prices.per_bin"].endswith("; 1,250 may mean 1.25 or 1250: write 1.25 or 1250")
+    assert told["crop.kilograms_per_bin"].endswith("; 1,250 may mean 1.25 or 1250: write 1250")
+    assert "may mean" not in told["rows"], "there are no 5.5 rows, and no 5500"
 
 
-def test_a_number_with_a_comma_is_advised_beside_a_wrong_value():
-    """A number with a comma is advised though another value is wrong."""
+def test_each_message_begins_with_the_label_of_its_field():
+    """It is said once, and no key of the file is in it."""
     draft = Draft(Scenario())
-    draft.enter({"row_width": "5,5", "rows": 101})
-    assert "write a point: 5.5" in draft.problems["row_width"]
+    draft.enter({"row_length": "long", "picking.failure.mean_between": "1", "seed": "-1"})
+    assert draft.problems == {
+        "row_length": "Row length: must be a number from 20 to 400 m",
+        "picking.failure.mean_between": (
+            "Time between failures: must be a number from 60 to 86400 s, or tick “never”"
+        ),
+        "seed": "Seed: must be a whole number from 0 to 9223372036854775807",
+    }
+    draft = Draft(Scenario())
+    draft.enter({"chargers": "0", "carrying.battery.hours": "3"})
+    told = draft.problems["chargers"]
+    assert told.startswith("Chargers = 0, Hours of a battery = 3: must be 1 to 120 chargers")
+    assert told.endswith("without chargers, “Hours of a battery” must be “endless”")
 
 
 @pytest.mark.parametrize(("changes", "told"), WRONG_FIELDS)
@@ -191,7 +211,11 @@ def test_a_survey_survives_changes_of_other_values():
     assert draft.scenario == orchard_of(UNEQUAL, seed=7)
     assert "surveyed rows" in title_of(draft.scenario)
     draft.enter({"rows": "7"})
-    assert (draft.scenario, draft.problems) == (None, {"rows": "must be 4 with this survey"})
+    assert (draft.scenario, draft.problems) == (None, {"rows": "Rows: must be 4 with this survey"})
+    draft.enter({"rows": "4", "row_width": 4.0})
+    assert draft.problems == {
+        "row_width": "Spacing of rows: is as surveyed, and cannot be changed here"
+    }
 
 
 def test_built_in_rules_are_chosen_beside_a_class_of_a_file():
@@ -285,8 +309,8 @@ WRONG_PACES = [
     (RunSettings("realtime", "max"), {"speed": "it cannot be max"}),
     (RunSettings("realtime", "", as_fast_as_it_goes=True), {"speed": "it cannot be max"}),
     (
-        RunSettings("local", "0,5", "-1"),
-        {"speed": "write a point: 0.5", "duration": "from 1 to 1000000"},
+        RunSettings("local", "1,250", "-1"),
+        {"speed": "1,250 may mean 1.25 or 1250: write 1.25", "duration": "from 1 to 1000000"},
     ),
     (
         RunSettings("local", "", "soon", as_fast_as_it_goes=True),
@@ -319,7 +343,7 @@ def test_a_pace_is_what_run_py_is_told(tmp_path):
         "max",
         None,
     ]
-    assert options(RunSettings("local", "0.125", "1000000")) == ["local", "0.125", "1000000"]
+    assert options(RunSettings("local", "0,125", "1000000")) == ["local", "0.125", "1000000"]
 
 
 def test_two_runs_of_a_second_have_files_of_their_own(tmp_path):

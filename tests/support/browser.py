@@ -94,6 +94,7 @@ class Browser:
             self.open(f"{address}/")
             self.click("[data-preset=default]")  # whatever the test before has left in the form
         self.until(self._is_default, "the default orchard")
+        self.unfold("experts")
 
     def open(self, address: str) -> None:
         self.driver.get(address)
@@ -128,6 +129,12 @@ class Browser:
             lambda: next(iter(self.driver.find_elements(By.CSS_SELECTOR, css)), None),
             f"{css} is on the page",
         )
+
+    def unfold(self, view: str) -> None:
+        """Open a part of the page that may be folded away."""
+        button = f"[data-view={view}] [role=button][aria-expanded]"
+        if self.one(button).get_attribute("aria-expanded") == "false":
+            self.click(button)
 
     def view(self, name: str) -> WebElement:
         return self.one(f"[data-view={name}]")

@@ -28,7 +28,7 @@ from orchard.field.scenario.names import (
     ROW_ORDERS,
     ROW_RULES,
 )
-from orchard.field.scenario.schema import Scenario
+from orchard.field.scenario.schema import Scenario, other_ways
 from orchard.field.scenario.sections import (
     LEAST_CV,
     MOST_BIAS,
@@ -74,6 +74,7 @@ __all__ = [
     "WorkShift",
     "check",
     "load",
+    "other_ways",
     "parse",
     "to_short_yaml",
     "to_yaml",

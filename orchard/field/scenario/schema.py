@@ -64,6 +64,7 @@ from orchard.field.survey import (
     USUAL_WIDTH,
     WIDEST_ROW,
     Survey,
+    spacing_of,
 )
 
 ROWS = "number of rows to pick; of a larger orchard, simulate each block by itself"
@@ -92,6 +93,11 @@ QUEUE_ROOM = (
 
 
 CROP = ("crop.tonnes_per_hectare", "crop.kilograms_per_bin")
+# Each line has the ways to say one thing, by their keys. At most one way can be used.
+WAYS: tuple[tuple[tuple[str, ...], ...], ...] = (
+    (("picking_speed",), ("picking_rate",)),
+    (("metres_per_bin",), ("bins_per_row",), CROP),
+)
 # m/s, of a picker while it picks.
 SLOWEST = 0.001
 FASTEST = 1.0
@@ -263,7 +269,7 @@ class Scenario(Section):
         surveyed.
         """
         if self.survey is None:
-            return self.row_width + TRUNK
+            return spacing_of(self.row_width)
         souths = [row.south for row in self.survey.rows]
         return (souths[-1] - souths[0]) / (len(souths) - 1)
 
@@ -404,15 +410,12 @@ class Scenario(Section):
             "must be set together",
             *CROP,
         )
-        pairs = [
-            ("picking_speed", "picking_rate"),
-            *combinations(("metres_per_bin", "bins_per_row", CROP[0]), 2),
-        ]
-        for pair in pairs:
-            is_one = None in [value_at(self, field) for field in pair]
-            self._demand(
-                is_one, "at most one of both can be set: each says what the other is", *pair
-            )
+        for ways in WAYS:
+            for pair in combinations([way[0] for way in ways], 2):
+                is_one = None in [value_at(self, field) for field in pair]
+                self._demand(
+                    is_one, "at most one of both can be set: each says what the other is", *pair
+                )
         self._demand_bins_of_a_usual_size()
         text = f"must be at most the speed at which pickers drive, {self.top_picking_speed:g} m/s"
         is_met = self.picking_speed is None or self.picking_speed <= self.top_picking_speed
@@ -481,3 +484,18 @@ class Scenario(Section):
 def value_at(scenario: Scenario, path: str) -> Any:
     """Return the value of a field. `path`: dotted."""
     return reduce(getattr, path.split("."), scenario)
+
+
+def other_ways(path: str) -> list[str]:
+    """Return the keys that say in another way what this one says: at most one way can be used.
+
+    `path`: dotted.
+
+    >>> other_ways("bins_per_row")
+    ['metres_per_bin', 'crop.tonnes_per_hectare', 'crop.kilograms_per_bin']
+    """
+    others = []
+    for ways in WAYS:
+        if any(path in way for way in ways):
+            others += [key for way in ways if path not in way for key in way]
+    return others

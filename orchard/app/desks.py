@@ -19,6 +19,10 @@ class Desk:
     draft: Draft = field(default_factory=lambda: Draft(Scenario()))
     settings: RunSettings = field(default_factory=RunSettings)
     study: StudySettings = field(default_factory=StudySettings)
+    #: What was entered before a preset, a file or a link replaced it; None if nothing did.
+    replaced: Draft | None = None
+    #: The words for the button that brings it back.
+    undo: str = ""
     #: None: as the browser prefers.
     dark: bool | None = None
 

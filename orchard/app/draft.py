@@ -67,6 +67,10 @@ class Draft:
         self.values = draft.values
         self._check()
 
+    def is_same(self, draft: "Draft") -> bool:
+        """Whether another draft has all that this one has."""
+        return self.values == draft.values and self._base == draft._base
+
     @property
     def is_untouched(self) -> bool:
         """Whether it holds the default scenario, so that nothing is lost with it."""

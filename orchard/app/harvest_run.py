@@ -22,6 +22,8 @@ MODES = {
     "local": "all in one process, without a network",
     "realtime": "processes by the wall clock; physics does not wait for late agents",
 }
+# Settings that are numbers -> their labels on the page.
+SETTINGS = {"speed": "Speed", "duration": "End after"}
 # Limits, both included: x real time.
 SPEEDS = (0.1, 1000)
 # Limits, both included: s, simulated.
@@ -67,7 +69,9 @@ class RunSettings:
             problems["duration"] = number_problem(
                 self.duration, DURATIONS, also="; empty: the whole harvest"
             )
-        return {name: problem for name, problem in problems.items() if problem}
+        return {
+            name: f"{SETTINGS[name]}: {problem}" for name, problem in problems.items() if problem
+        }
 
     def _speed_problem(self) -> str:
         advice = "; 1 is real time"

@@ -11,8 +11,9 @@ from nicegui import events, run, ui
 from orchard.app.desks import Desk
 from orchard.app.draft import Draft, counted_fields
 from orchard.app.elements import StartAndStop, button, dialog, note, while_alive
+from orchard.app.entries import label_of
 from orchard.app.form import Form
-from orchard.app.harvest_run import HarvestCommand, Harvests, RunSettings
+from orchard.app.harvest_run import SETTINGS, HarvestCommand, Harvests, RunSettings
 from orchard.app.link import query_of
 from orchard.app.own_classes import from_elsewhere, may_run
 from orchard.app.preview import FiguresView, derive
@@ -39,6 +40,7 @@ LARGEST_UPLOAD = 10 * LARGEST_FILE
 LONGEST_NAME = 100
 NOT_OPENED = "This file was not opened"
 TOO_LARGE = "The file is too large for a scenario, or it is not a .yaml file."
+UNDO_LINK = "Undo the link"
 NOT_ALL_UNDERSTOOD = "Not all of the link was understood"
 FIRST = (
     "Choose a scenario at the top, change what you like, and press Run. "
@@ -75,6 +77,7 @@ class Page:
         self._staged: tuple[HarvestCommand, bool] | None = None
         self._build()
         self.form.show()
+        self._show_undo()
         ui.timer(REDRAW_SECONDS, self._redraw)
         ui.timer(WATCH_SECONDS, self._watch)
 
@@ -108,8 +111,9 @@ class Page:
         for file, scenario in shipped().items():
             name = "default" if file == DEFAULT else file
             words = name.replace("_", " ").capitalize()
-            preset = ui.button(words, on_click=partial(self._take, scenario))
+            preset = ui.button(words, on_click=partial(self._take, scenario, words))
             preset.props(f"flat no-caps data-preset={name}")
+        self._undo_button = button("Undo", self._undo, "undo", "undo")
         ui.element("div").classes("divider")
         self._upload = ui.upload(
             on_upload=while_alive(self._open),
@@ -155,7 +159,7 @@ class Page:
         if unknown:
             complain(NOT_ALL_UNDERSTOOD, unknown)
         if linked is not None and is_news:
-            self._replace(linked)
+            self._replace(linked, UNDO_LINK)
 
     def _ask_for(self, linked: Draft, unknown: list[str]) -> None:
         """Ask whether a link may replace what was entered.
@@ -165,14 +169,14 @@ class Page:
         lines = [
             f"You have entered: {self.draft.title}.",
             f"The link has: {linked.title}.",
-            "If you open it, what you have entered is lost. Save keeps it in a file.",
+            "If you open it, Undo brings back what you have entered.",
         ]
         if unknown:
             lines += [f"{NOT_ALL_UNDERSTOOD}:", *unknown]
 
         def agree() -> None:
             question.close()
-            self._replace(linked)
+            self._replace(linked, UNDO_LINK)
 
         with (
             dialog("Open the orchard of the link?", lines, "link-question") as question,
@@ -181,15 +185,35 @@ class Page:
             button("Keep what I entered", question.close, "keep-entries")
             button("Open the link", agree, "open-link", props="unelevated")
 
-    def _replace(self, linked: Draft) -> None:
-        """Put what a link holds in place of what was entered."""
-        self.draft.become(linked)
-        self.form.show()
+    def _replace(self, draft: Draft, undo: str) -> None:
+        """Put another draft in place of what was entered.
 
-    def _take(self, scenario: Scenario) -> None:
-        """Put a scenario in place of what was entered."""
-        self.draft.take(scenario)
+        `undo`: the words for the button that brings back what was entered.
+        """
+        replaced = copy(self.draft)
+        self.draft.become(draft)
+        if not self.draft.is_same(replaced):
+            self.desk.replaced = replaced
+            self.desk.undo = undo
         self.form.show()
+        self._show_undo()
+
+    def _take(self, scenario: Scenario, name: str) -> None:
+        """Put a scenario in place of what was entered. `name`: of a preset, a file or a run."""
+        self._replace(Draft(scenario), f"Undo {name}")
+
+    def _undo(self) -> None:
+        """Bring back what was replaced last."""
+        if self.desk.replaced is not None:
+            self._replace(self.desk.replaced, "Redo" if self.desk.undo != "Redo" else "Undo")
+
+    def _show_undo(self) -> None:
+        """Show the button if it brings something back, and say what."""
+        replaced = self.desk.replaced
+        self._undo_button.set_visibility(replaced is not None)
+        if replaced is not None:
+            self._undo_button.set_text(self.desk.undo)
+            self._undo_button.props["title"] = f"Bring back: {replaced.title}"
 
     async def _open(self, event: events.UploadEventArguments) -> None:
         """Open a scenario file, or tell why it is not opened.
@@ -215,7 +239,7 @@ class Page:
     async def _offer(self, scenario: Scenario, file: str) -> None:
         """Take a scenario. Ask first if it names own classes: to check them already runs them."""
         if await _is_trusted(scenario, file):
-            self._take(scenario)
+            self._take(scenario, file)
             ui.notify(f"{file} opened", type="positive")
 
     async def _go_on(self, scenario: Scenario, fork: Fork) -> None:
@@ -304,8 +328,10 @@ class Page:
             self.figures.show(*derived)
 
     def _update_buttons(self) -> None:
-        wrong = len(self.draft.problems) + len(self.wishes.settings.problems)
-        self.trouble.set_text(f"{counted_fields(wrong)} an invalid value" if wrong else "")
+        wrong = [label_of(path) for path in self.draft.problems]
+        wrong += [SETTINGS[name] for name in self.wishes.settings.problems]
+        words = f"{counted_fields(len(wrong))} an invalid value: {', '.join(wrong)}"
+        self.trouble.set_text(words if wrong else "")
         self.buttons.update(not wrong)
         for action in (self._save, self._link):
             action.set_enabled(self.draft.scenario is not None)

@@ -217,6 +217,21 @@ def test_the_plan_and_the_figures_follow_every_change(browser):
     browser.until(lambda: browser.tree_lines() == 6, "the default plan again")
 
 
+def test_a_preset_can_be_undone(browser):
+    """Also after a reload. What was invalid comes back as it was typed."""
+    browser.fill("rows", 9)
+    browser.fill("row_length", "9O")
+    browser.until(lambda: browser.problem("row_length"), "an invalid value")
+    browser.click("[data-preset=hand_picking]")
+    browser.until(lambda: browser.tree_lines() == 27, "the preset")
+    browser.reload()
+    browser.press("undo")
+    browser.until(lambda: browser.field("rows").get_attribute("value") == "9", "his rows")
+    assert browser.field("row_length").get_attribute("value") == "9O"
+    browser.press("undo")
+    browser.until(lambda: browser.field("rows").get_attribute("value") == "26", "the preset again")
+
+
 def test_a_slider_moves_its_field(browser):
     browser.one(".field .q-slider").click()
     rows = browser.field("rows")

@@ -131,6 +131,9 @@ class Program:
         self.list_number([])
         queue = layout.queue
         self.queue_lines = [y for y in queue.used(layout.queue_places)]
+        waiting_lines = len(self.queue_lines) - len(layout.charging_lines)
+        # The lines of the queue in which carriers charge.
+        self.charging_lines = range(waiting_lines, len(self.queue_lines))
         self.jobs = np.full((len(self.queue_lines), 2 * lanes), c.NONE)
         self.ends = np.zeros(2 * lanes, c.LANE_END).view(np.recarray)
         for lane in layout.lanes:

@@ -185,11 +185,34 @@ def test_a_robot_that_was_pushed_is_told() -> None:
         begin_at(moment_of(run))
 
 
-def test_batteries_that_are_in_use_are_told() -> None:
+CHARGING: dict[str, Any] = {
+    **{"rows": 6, "pickers": 3, "carriers": 4, "picking_speed": 0.5},
+    **{"dispatch": "nearest", "route": "one-way", "chargers": 1},
+    "carrying": {
+        "battery": {"hours": 0.2, "standing": 0.3, "hours_to_charge": 0.03, "reserve": 0.8}
+    },
+}
+
+
+def test_carriers_that_charge_go_on_where_the_run_does() -> None:
+    """From moments at which carriers drive to the chargers, wait for one, charge, and are full."""
+    layout = lay_out_small(**CHARGING)
+    run = Local(layout.scenario, is_hashed=False)
+    delivered, begun = deliveries_from(run, [*range(5, 6000, 53)])
+    apart = {tick: farthest_apart(delivered, harvest) for tick, harvest in begun.items()}
+    charged = [tick for tick, harvest in begun.items() if harvest.model.robots.is_charged.any()]
+    assert len(charged) > 60
+    assert not {tick: off for tick, off in apart.items() if off > NEAR}
+
+
+def test_a_flat_battery_is_told() -> None:
     layout = lay_out_small(carrying={"battery": {"hours": 1.0}}, chargers=1)
     run = Local(layout.scenario, is_hashed=False)
     run.tick()
-    with pytest.raises(NotImplementedError, match="batteries"):
+    run.engine.world.charge[layout.index["carrier_02"]] = 0.0
+    run.engine.wake(["carrier_02"])
+    run.tick()
+    with pytest.raises(NotInPlanError, match="carrier_02 stands with a flat battery"):
         begin_at(moment_of(run))
 
 

@@ -14,7 +14,9 @@ begin, or go on, at the next tick by what they find. Of the others this is what 
     lasts for a fixed time   | the rest, by the tick at which the step began
     asks every few ticks     | it asks when it would have asked
     hands a bin over         | by which of the two has the bin, and what the other one has heard
+    charges                  | the rest, by the charge; who has no charger waits for one
 
 `begin` puts it together: `robots` for the ops, `lines` for who follows whom, `places` for claims
-and what traffic has granted, `calls` for bins, carriers that were chosen, and the dispatcher.
+and what traffic has granted, `batteries` for who charges, `calls` for bins, carriers that were
+chosen, and the dispatcher.
 """

@@ -3,6 +3,7 @@
 import numpy as np
 
 from orchard.event_model import columns as c
+from orchard.event_model.begun.batteries import BatteriesOfCarriers
 from orchard.event_model.begun.calls import CallsOfBins
 from orchard.event_model.begun.claims import Claims
 from orchard.event_model.begun.lines import LinesOfRobots
@@ -17,15 +18,12 @@ def begin_at(moment: RunMoment) -> EventHarvest:
     """Return a harvest that goes on from a moment of a run. Its ticks are those of the run.
 
     Raises NotImplementedError for what the event model does not know; NotInPlanError, which is one,
-    for a robot that was pushed, or stands because of an emergency stop.
+    for a robot that was pushed, or stands because of an emergency stop or with a flat battery.
     """
     world = moment.world
     layout = world.layout
     if world.is_any_stopped:
         raise NotInPlanError("an emergency stop holds a robot")
-    battery = layout.scenario.carrying.battery
-    if battery.hours:
-        raise NotImplementedError("the event model does not go on with batteries that are in use")
     if layout.scenario.route not in ROUTES:
         raise NotImplementedError("the event model does not go on with a route of your own")
     harvest = EventHarvest(layout)
@@ -40,6 +38,7 @@ def begin_at(moment: RunMoment) -> EventHarvest:
     places = PlacesOfRobots(harvest, robots.ops, claims, moment.tick)
     for me in doing:
         places.take_over(me)
+    _take_over_batteries(moment, harvest, doing)
     calls = CallsOfBins(moment, harvest, robots.ops, doing)
     calls.take_over()
     for me in doing:
@@ -48,6 +47,17 @@ def begin_at(moment: RunMoment) -> EventHarvest:
     calls.take_over_desk()
     harvest.goes_on_from(moment.tick)
     return harvest
+
+
+def _take_over_batteries(moment: RunMoment, harvest: EventHarvest, doing: list[Doing]) -> None:
+    """Set the batteries of carriers, if they have some that can be flat."""
+    layout = moment.world.layout
+    if not layout.first_charging:
+        return
+    batteries = BatteriesOfCarriers(moment, harvest)
+    for me in doing:
+        if me.name not in layout.blocks:
+            batteries.take_over(me)
 
 
 def _write(harvest: EventHarvest, me: Doing, tick: int) -> None:

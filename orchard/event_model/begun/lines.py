@@ -56,7 +56,7 @@ class LinesOfRobots:
         """Return where a robot is on its line. Set what remains of its drive, if it drives."""
         on_line = self._at_first(me)
         has_bin = True
-        for op in range(max(me.first, me.op - LOOKED_BACK), me.op):
+        for op in ops_before(me):
             kind = int(self._ops.kind[op])
             if kind in DROPS:
                 has_bin = False
@@ -76,7 +76,8 @@ class LinesOfRobots:
         """Return on which line a robot is when its plan begins: a carrier that gets a job stands in
         its line of the queue.
         """
-        if "customer" not in me.more or me.op - LOOKED_BACK > me.first:
+        done = me.op - me.first if me.decided is None else me.decided - me.job_first
+        if "customer" not in me.more or done > LOOKED_BACK:
             return OnLine()
         line = int(self._ops.line[self._program.waiting[me.more["queue_line"]]])
         here = self._along(line, me.pose.x, me.pose.y)
@@ -219,3 +220,11 @@ class LinesOfRobots:
                 me.line_end = max(place.at, min(place.end, room))
             ahead = number
         model.rears[0, line] = ahead
+
+
+def ops_before(me: Doing) -> list[int]:
+    """Return the last ops that a robot has done. Those to charge follow a part of a job."""
+    if me.decided is None:
+        return [*range(max(me.first, me.op - LOOKED_BACK), me.op)]
+    in_job = range(max(me.job_first, me.decided - LOOKED_BACK), me.decided)
+    return [*in_job, *range(me.first, me.op)]

@@ -16,6 +16,7 @@ from orchard.event_model.kernel.roads import NEAR
 from orchard.event_model.program import Program
 from orchard.field.geometry import HEADINGS, Pose, angle_between
 from orchard.field.kinds import kind_of
+from orchard.field.queue import BESIDE
 from orchard.field.scenario import TIME_STEP
 from orchard.plans import steps as st
 from orchard.plans.robot import ASK, PATIENCE, Step
@@ -76,6 +77,10 @@ class Doing:
     turned: int = 0
     # Of a drive: where it is along its line, m.
     here: float = 0.0
+    # The first op of a carrier's job, and the one at which it began to drive to the chargers; None:
+    # it does not.
+    job_first: int = c.NONE
+    decided: int | None = None
     # More columns of `columns.ROBOT`.
     more: dict[str, Any] = field(default_factory=dict)
 
@@ -94,6 +99,7 @@ class Robots:
         self._pose = moment.world.pose.tolist()
         self._coupled = moment.world.coupled.tolist()
         self._full = moment.world.full.tolist()
+        self._charge = moment.world.charge.tolist()
         self._translate_jobs()
         self.ops = Ops(self.program)
 
@@ -133,8 +139,12 @@ class Robots:
     def _carrier(self, name: str) -> Doing:
         """Return what a carrier does."""
         memory = self._memory(name)
-        me = self._doing(name, self._plan_of_carrier(name), 0)
-        me.more["queue_line"] = self.program.queue_line(name)
+        job_first = self._plan_of_carrier(name)
+        decides = self._op_that_let_charge(memory, job_first)
+        me = self._doing(name, self._first_to_charge(decides) or job_first, 0)
+        me.decided = decides
+        me.job_first = job_first
+        me.more["queue_line"] = self._queue_line(name)
         me.more["is_free"] = memory.job is None
         me.more["full_bin"] = self.bins.get(memory.delivered, c.NONE)
         if memory.job is not None:
@@ -144,9 +154,25 @@ class Robots:
             question = f"StateRequest {memory.job.bin}"
             if me.kind == c.DRIVE and question in memory.asked:
                 me.more["bin_asked"] = memory.asked[question]
-            # Its way is counted from here.
-            me.more["away"] = self.tick
+            if decides is None or _has_step(memory, st.Charge):
+                # Its way is counted from here, up to its line of the queue.
+                me.more["away"] = self.tick
         return me
+
+    def _op_that_let_charge(self, memory: Any, job_first: int) -> int | None:
+        """Return the op of a job at which a carrier began to drive to the chargers; None if it
+        does not charge.
+        """
+        if not _has_step(memory, st.Charged):
+            return None
+        op = job_first
+        while int(self.ops.kind[op]) != c.MAY_CHARGE:
+            op += 1
+        return op
+
+    def _first_to_charge(self, decides: int | None) -> int | None:
+        """Return the op at which a plan to charge begins, if a carrier has one."""
+        return None if decides is None else int(self.ops.arg[decides])
 
     def _memory(self, name: str) -> Any:
         """Return what a robot remembers. Raises NotInPlanError if it is driven from elsewhere."""
@@ -155,10 +181,22 @@ class Robots:
             raise NotInPlanError(f"{name} does not say what it remembers")
         return memory
 
+    def _queue_line(self, name: str) -> int:
+        """Return the line of the queue in which a carrier is, or from which its job leads and where
+        it ends: its own one, or the charging line in which it stands.
+        """
+        x, y, _ = self._pose[self.layout.index[name]]
+        area = self.layout.queue.area
+        for line in self.program.charging_lines:
+            is_beside = abs(y - self.program.queue_lines[line]) < BESIDE
+            if is_beside and area.west <= x <= area.east:
+                return line
+        return self.program.queue_line(name)
+
     def _plan_of_carrier(self, name: str) -> int:
         """Return the op at which a carrier's plan begins: its job, or waiting in the queue."""
         job = self._memory(name).job
-        line = self.program.queue_line(name)
+        line = self._queue_line(name)
         if job is None:
             return self.program.waiting[line]
         end = self.program.end_number(job.lane, job.side)
@@ -232,6 +270,7 @@ class Robots:
             c.DELIVER: self._deliver,
             c.FETCH_EMPTY: self._fetch,
             c.UNLOAD: self._unload,
+            c.CHARGED: self._await_charge,
         }
 
     def _begin(self, me: Doing) -> None:
@@ -375,6 +414,12 @@ class Robots:
             me.op += 1
             self._last(me, emptied + int(self.ops.ticks[me.op]))
 
+    def _await_charge(self, me: Doing) -> None:
+        """Stand until the battery is full; or, if it is, until the carrier sees that."""
+        me.state = c.WAITING_FOR_CHARGE
+        if self._charge[self.layout.index[me.name]] < 1.0:
+            me.alarm = None
+
     # -- failures
 
     def _be_repaired(self, me: Doing, inserted: list[Step]) -> None:
@@ -389,6 +434,11 @@ class Robots:
         if isinstance(step, st.Wait):
             me.state = c.REPAIRED
             me.alarm = max(self.tick, me.memory.since + ceil(step.seconds / TIME_STEP - NEAR))
+
+
+def _has_step(memory: Any, step: type[Step]) -> bool:
+    """Whether a plan has a step of a class, outside those that it may do in place of others."""
+    return any(isinstance(planned, step) for planned in memory.plan)
 
 
 def _inserted(memory: Any) -> int:

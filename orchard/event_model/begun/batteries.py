@@ -1,0 +1,69 @@
+"""Batteries at a moment: how full they are, and which carriers charge or wait for a charger."""
+
+from math import ceil
+
+from orchard.event_model import columns as c
+from orchard.event_model.begun.moment import RunMoment
+from orchard.event_model.begun.robots import Doing, NotInPlanError
+from orchard.event_model.harvest import EventHarvest
+from orchard.event_model.kernel.roads import NEAR
+from orchard.field.scenario import TIME_STEP
+from orchard.plans import steps as st
+
+HOUR = 3600.0
+
+
+class BatteriesOfCarriers:
+    """Takes over what carriers have left in their batteries, and who has a charger."""
+
+    def __init__(self, moment: RunMoment, harvest: EventHarvest) -> None:
+        self._model = harvest.model
+        self._tick = moment.tick
+        self._index = moment.world.layout.index
+        self._charge = moment.world.charge.tolist()
+        self._plugged = moment.world.plugged.tolist()
+        self._twist = moment.world.twist
+        seconds_to_charge = moment.world.layout.scenario.carrying.battery.hours_to_charge * HOUR
+        self._ticks_to_charge = seconds_to_charge / TIME_STEP
+
+    def take_over(self, me: Doing) -> None:
+        """Set the battery of a carrier, and when it is full. Raises NotInPlanError for a flat one.
+
+        A carrier that has come to its charging line charges, or waits there for a charger.
+        """
+        if me.memory.flat:
+            raise NotInPlanError(f"{me.name} stands with a flat battery")
+        body = self._index[me.name]
+        charge = self._charge[body]
+        me.more["charge"] = charge
+        me.more["is_charged"] = me.memory.charged or charge >= 1.0
+        if me.kind == c.TURN and me.alarm is not None:
+            # What it uses is counted when it has turned.
+            me.more["moved"] = me.alarm - self._tick
+            me.more["moved_at"] = me.alarm
+        if self._plugged[body]:
+            self._charge_on(me, charge)
+        elif waits_in_charging_line(me) and not me.more["is_charged"]:
+            self._await_charger(me, has_stood=not self._twist[body].any())
+
+    def _charge_on(self, me: Doing, charge: float) -> None:
+        """Charge up to the tick at which the battery is full, if the carrier stands until then."""
+        self._model.desk.free_chargers -= 1
+        me.more["is_charging"] = True
+        me.more["parked"] = me.more["stood"]
+        ticks = ceil((1.0 - charge) * self._ticks_to_charge - NEAR)
+        self._model.timers[c.FULLY_CHARGED, me.number] = c.QUARTERS * (self._tick + ticks)
+
+    def _await_charger(self, me: Doing, has_stood: bool) -> None:
+        """Wait for a charger, or look later whether the carrier stands."""
+        if has_stood:
+            me.more["waits_to_charge"] = True
+            me.more["parked"] = me.more["stood"]
+        else:
+            self._model.timers[c.PARK, me.number] = c.QUARTERS * (self._tick + 1)
+
+
+def waits_in_charging_line(me: Doing) -> bool:
+    """Whether a carrier has come to its charging line, and has not been called from there."""
+    steps = [type(step) for step in me.memory.plan]
+    return st.Charged in steps and st.Charge not in steps

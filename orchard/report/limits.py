@@ -38,9 +38,13 @@ def limit_of_question(scenario: Scenario) -> Bounds:
 
     Raises ScenarioError if it names own classes that cannot be used.
     """
+    return _bounds(lay_out(in_mean_rows(scenario)))
+
+
+def in_mean_rows(scenario: Scenario) -> Scenario:
+    """Return the scenario with rows that are all picked in their mean time, whatever its seed."""
     picking = scenario.picking.model_copy(update={"spread": Spread()})
-    of_no_seed = with_seed(scenario, LIMIT_SEED).model_copy(update={"picking": picking})
-    return _bounds(lay_out(of_no_seed))
+    return with_seed(scenario, LIMIT_SEED).model_copy(update={"picking": picking})
 
 
 @lru_cache(maxsize=KEPT_LAYOUTS)

@@ -14,11 +14,15 @@ from orchard.study.result import Models
 from orchard.study.settings import Setting, numbered, settings_of
 
 _NO_PRICES = "needs a price: picker_per_hour, carrier_per_hour, overhead_per_hour or per_bin"
-_FREE_PICKERS = (
-    "pickers vary and cost nothing, so the most of them would be the cheapest; set"
-    " prices.picker_per_hour or picker_per_bin, 0 if they do cost nothing, or choose --goal"
-    " bins_per_hour"
+_FREE = (
+    "{key} vary and cost nothing, so the most of them would be the cheapest; set {price}, 0 if they"
+    " do cost nothing, or leave all prices out"
 )
+# Key -> prices of it.
+_PRICES = {
+    "pickers": "prices.picker_per_hour or picker_per_bin",
+    "carriers": "prices.carrier_per_hour or carrier_per_day",
+}
 _NO_END = "a long run has no end; choose --horizon harvest, or another goal"
 _NO_LONG_RUN = "only the fast model can tell the long run; choose --horizon harvest"
 _SENSORS = "only the full model knows errors of sensors; choose --model full"
@@ -71,9 +75,21 @@ def _price_problems(settings: Sequence[Setting], options: StudyOptions) -> list[
     is_of_costs = has_prices and options.goal in (None, "cost_per_bin")
     if not is_of_costs or len(numbers) == 1:
         return []
-    if all(setting.scenario.prices.are_of_pickers for setting in settings):
-        return []
-    return [Problem("--vary pickers", _FREE_PICKERS, "prices")]
+    return free_robots(settings, "pickers")
+
+
+def free_robots(settings: Sequence[Setting], key: str) -> list[Problem]:
+    """Return that robots vary and cost nothing, while something else has a price.
+
+    `key`: of their number, pickers or carriers.
+    """
+    for setting in settings:
+        prices = setting.scenario.prices
+        is_paid = prices.are_of_pickers if key == "pickers" else prices.are_of_carriers
+        if prices.are_set and not is_paid:
+            text = _FREE.format(key=key, price=_PRICES[key])
+            return [Problem(f"--vary {key}", text, "prices")]
+    return []
 
 
 def _plugin_problems(settings: Sequence[Setting], model: Models) -> list[Problem]:

@@ -14,6 +14,7 @@ from typer import Argument, BadParameter
 from orchard.field.problems import Problem
 from orchard.field.scenario import ROLLING
 from orchard.report.summary import SUMMARY
+from orchard.study.deadline import Deadline
 from orchard.study.kinds_of_files import PICTURE, REPORT, TABLE
 from orchard.study.result import Goal, Horizon, Models
 from orchard.terminal.files import KindOfFile
@@ -24,6 +25,9 @@ LEAST_CONFIDENCE, MOST_CONFIDENCE = 0.5, 0.9999
 BUDGET_UNITS = {"min": 60.0, "h": 3600.0, "s": 1.0}
 LEAST_BUDGET = 1.0  # s
 MOST_WORKERS = 1000
+LEAST_DEADLINE = 60.0  # s
+MOST_DEADLINE = 3.6e7  # s
+MOST_DAYS = 1000
 QUESTION, RUNS, FILES = "The question", "The runs", "What it shows and writes"
 
 # -- parsers; all of them raise BadParameter
@@ -67,6 +71,22 @@ def _budget(text: str) -> float:
             f"{text}: expected a time of at least {LEAST_BUDGET:g} s, such as 60s, 5min or 2h"
         )
     return seconds
+
+
+def _within_time(text: str) -> float:
+    units = {"min": 60.0, "h": 3600.0}
+    unit = next((unit for unit in units if text.endswith(unit)), "")
+    seconds = number(text.removesuffix(unit)) * units.get(unit, 1.0) if unit else math.nan
+    if not LEAST_DEADLINE <= seconds <= MOST_DEADLINE:
+        raise BadParameter(f"{text}: expected 1min to 10000h of work, such as 8h or 90min")
+    return seconds
+
+
+def _by_day(text: str) -> int:
+    wanted = f"expected days from 1d to {MOST_DAYS}d, such as 2d"
+    if not text.endswith("d"):
+        raise BadParameter(f"{text}: {wanted}")
+    return whole(text.removesuffix("d"), MOST_DAYS, wanted)
 
 
 def _workers(text: str) -> int:
@@ -121,6 +141,12 @@ VARY = (
     " many as it takes."
 )
 GOALS = "What is best. Default: the least cost if the scenario has prices, else the most bins."
+HORIZONS = (
+    "The long run, or one harvest with its beginning and its end. Default: long; harvest with a"
+    " deadline."
+)
+WITHIN_TIME = "The cheapest fleet that is done in time: 8h of work, 90min."
+BY_DAY = "The same by the end of a day of the shift: 2d."
 KEPT = "File that keeps all runs. Default: studies.db beside the recordings."
 SCHEDULER = "A scheduler of dask.distributed: tcp://192.168.1.10:8786."
 WITHIN = "A difference below this share is worth nothing."
@@ -133,9 +159,11 @@ class StudyArguments:
     scenario: File = None
     vary: list[str] | None = option(QUESTION, VARY, "KEY=VALUES")
     goal: Goal | None = _choice(QUESTION, GOALS, Goal, None)
-    horizon: Horizon = _choice(
-        QUESTION, "The long run, or one harvest with its beginning and its end.", Horizon, "long"
+    horizon: Horizon | None = _choice(QUESTION, HORIZONS, Horizon, None)
+    finish_within: float | None = option(
+        QUESTION, WITHIN_TIME, "TIME", parser=_checked(_within_time)
     )
+    finish_by: int | None = option(QUESTION, BY_DAY, "DAYS", parser=_checked(_by_day))
     confidence: float = option(
         QUESTION, "Confidence of the answer.", "SHARE", default="0.95", parser=_checked(_confidence)
     )
@@ -159,6 +187,15 @@ class StudyArguments:
     progress: Style = "text"
 
     @property
+    def deadline(self) -> Deadline | None:
+        """The deadline; None if there is none. One that is wrong is no deadline."""
+        within = self.finish_within
+        days = self.finish_by
+        if isinstance(within, float):
+            return Deadline(within_seconds=within)
+        return Deadline(days=days) if isinstance(days, int) else None
+
+    @property
     def files(self) -> list[tuple[Path, KindOfFile]]:
         """The files to write, and what is written there."""
         kinds = (
@@ -179,6 +216,12 @@ class StudyArguments:
             for name, value in vars(self).items()
             if isinstance(value, Problem)
         ]
+        if self.finish_within is not None and self.finish_by is not None:
+            found.append(Problem("--finish-by", "one deadline is enough; leave out the other one"))
+        has_deadline = self.finish_within is not None or self.finish_by is not None
+        if has_deadline and self.horizon == "long":
+            text = "a deadline is that of one harvest; leave out --horizon"
+            found.append(Problem("--horizon long", text))
         if self.scheduler and self.workers:
             found.append(
                 Problem("--workers", "the scheduler has its own workers; leave out --workers")

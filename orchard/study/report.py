@@ -91,6 +91,8 @@ def command(result: StudyResult) -> str:
         f"--confidence {result.confidence}",
         f"--within {result.within}",
     ]
+    if result.deadline:
+        options = [result.deadline_option, *options[2:]]
     models = (
         ["--model full"] if {row.model for row in result.table} == {"full"} else []
     )  # as it must be for agents of the user's own

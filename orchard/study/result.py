@@ -98,6 +98,8 @@ class Row:
     )
     #: What is paid for what, for a bin, by the mean: the names of `orchard.report.costs.PAYMENTS`.
     paid: dict[str, float] = field(default_factory=dict)
+    #: How many of the replications were done by the deadline; None: there is none.
+    in_time: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,6 +139,10 @@ class StudyResult:
     given: list[str] = field(default_factory=list)
     #: What the last robots of the best setting may cost, and one more.
     break_even: list[BreakEven] = field(default_factory=list)
+    #: By when a harvest must be done, in words; '' without a deadline.
+    deadline: str = ""
+    #: The same as an option of the command.
+    deadline_option: str = ""
 
     @property
     def best_row(self) -> Row | None:

@@ -73,8 +73,14 @@ class Setting:
 
     @cached_property
     def days(self) -> WorkDays | None:
-        """The days of its harvests; None if there is no shift."""
-        return work_days(self.scenario, self.limit) if self.scenario.shift.is_set else None
+        """The days of its harvests; None if there is no shift.
+
+        A job takes as long whatever the number of carriers, so fleets share the limit of one.
+        """
+        if not self.scenario.shift.is_set:
+            return None
+        alone = self.scenario.model_copy(update={"carriers": 1, "queue_room": None})
+        return work_days(self.scenario, limit_of_question(alone))
 
     @property
     def has_prices(self) -> bool:
@@ -106,20 +112,22 @@ class VaryError(ValueError):
 
 FORM = (
     "must be KEY=VALUE,VALUE or KEY=FIRST..LAST, such as carriers=1..20; "
-    "carriers alone: as many as it takes"
+    "carriers alone: as many as it takes, and with a deadline pickers alone too"
 )
 
 
-def varied_of(words: Sequence[str]) -> tuple[Varied, list[Problem]]:
+def varied_of(
+    words: Sequence[str], open_keys: Sequence[str] = (CARRIERS,)
+) -> tuple[Varied, list[Problem]]:
     """Return what `--vary` options say, as dotted path -> its values, and all faults of their form.
 
-    Carriers alone have no values.
+    `open_keys`: those that may stand alone. Then they have no values.
     """
     varied: Varied = {}
     problems = []
     for word in words:
         try:
-            key, values = _key_and_values(word)
+            key, values = _key_and_values(word, open_keys)
         except VaryError as error:
             problems.append(Problem(f"--vary {word}", str(error)))
             continue
@@ -131,10 +139,10 @@ def varied_of(words: Sequence[str]) -> tuple[Varied, list[Problem]]:
     return varied, problems
 
 
-def _key_and_values(word: str) -> tuple[str, list[Any]]:
+def _key_and_values(word: str, open_keys: Sequence[str]) -> tuple[str, list[Any]]:
     """Return the key of a `--vary`, and its values. Raises VaryError."""
-    if word.strip() == CARRIERS:
-        return CARRIERS, []
+    if word.strip() in open_keys:
+        return word.strip(), []
     key, _, text = word.partition("=")
     if not key.strip():
         raise VaryError(FORM)

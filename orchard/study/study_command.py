@@ -19,6 +19,7 @@ from orchard.field.shipped import load_or_shipped
 from orchard.report.summary import write_summary
 from orchard.study.checking import checked_settings
 from orchard.study.command_options import StudyArguments
+from orchard.study.finishing import OF_FLEETS, finish_problems, finish_study
 from orchard.study.options import StudyOptions
 from orchard.study.result import StudyResult
 from orchard.study.runs import RunFailed
@@ -61,7 +62,12 @@ def run_study(chosen: StudyArguments) -> int:
         for note in notes_on(varied.get("dispatch", [scenario.dispatch])):
             print_error(note)
         with stoppable() as is_stopped, _progress(chosen) as tell:
-            result = study(scenario, varied, _options(chosen), tell, is_stopped)
+            options = _options(chosen)
+            if chosen.deadline is None:
+                result = study(scenario, varied, options, tell, is_stopped)
+            else:
+                deadline = chosen.deadline
+                result = finish_study(scenario, varied, deadline, options, tell, is_stopped)
     _print(result, chosen.progress == "json")
     if not result.table and result.stopped_by == "budget":
         print_error("the budget is too short for one run: --budget")
@@ -85,10 +91,15 @@ def tell_if_lost() -> bool:
 
 
 def _question(chosen: StudyArguments) -> tuple[Scenario, Varied]:
-    varied, problems = varied_of(chosen.vary or [CARRIERS])
+    deadline = chosen.deadline
+    open_keys = (CARRIERS,) if deadline is None else OF_FLEETS
+    varied, problems = varied_of(chosen.vary or [CARRIERS], open_keys)
     scenario, faults = _read(chosen.scenario)
     options = _options(chosen)
-    of_settings = checked_settings(scenario, varied, options)[1]
+    if deadline is None:
+        of_settings = checked_settings(scenario, varied, options)[1]
+    else:
+        of_settings = finish_problems(scenario, varied, deadline, options)
     store = options.store_file
     paths = [path for path, _ in chosen.files]
     files = [*_unwritable(chosen.files, chosen.scenario), *one_file([*paths, store])]
@@ -148,6 +159,8 @@ def _options(chosen: StudyArguments) -> StudyOptions:
         for name, value in vars(chosen).items()
         if not isinstance(value, Problem)
     }
+    if values.get("horizon") is None:
+        values["horizon"] = "long" if chosen.deadline is None else "harvest"
     return StudyOptions(
         **{field.name: values[field.name] for field in fields(StudyOptions) if field.name in values}
     )

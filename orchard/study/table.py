@@ -24,6 +24,7 @@ NONE = "-"  # in place of a figure that there is not
 COLUMNS: dict[str, Callable[[Row], str]] = {
     "bins/h": lambda row: _interval(row.bins_per_hour) or "jammed",
     "harvest, s": lambda row: _interval(row.harvest_seconds),
+    "in time": lambda row: _in_time(row),  # noqa: PLW0108 - it is defined below
     "a bin": lambda row: _interval(row.cost_per_bin),
     "behind, %": lambda row: _behind(row),  # noqa: PLW0108 - it is defined below
     "wait, s": lambda row: f"{row.picker_waiting_seconds:.0f}",
@@ -48,6 +49,10 @@ OF_RUNS = (
     "{runs} of each by the {model}, on the same seeds; ± interval of {confidence:g} % confidence. "
 )
 OF_BEHIND = "behind: the best mean{given}, which has -. "
+OF_DEADLINE = (
+    "* the answer; ? not decided; in time: harvests that were done {deadline}, of those that were "
+    "run by the {model}, on the same seeds; ± interval of {confidence:g} % confidence. "
+)
 OF_COLUMNS = (
     "wait: of a picker that stands at its row's end, for an empty bin. "
     "busy: carriers outside the queue. bound: the limit without traffic, and what sets it."
@@ -60,7 +65,7 @@ OPTIMUM = (
 CHECKED = " checked: by the simulator."
 MODELS: dict[Model, str] = {"fast": "fast model", "full": "simulator"}
 # Columns that are left out if they have nothing in any row.
-ONLY_IF_KNOWN = ("harvest, s", "a bin", "optimum, s", "checked")
+ONLY_IF_KNOWN = ("harvest, s", "in time", "a bin", "optimum, s", "checked")
 # Columns that are known of a setting of which all runs jammed.
 OF_JAMMED = ("bins/h", "bound", "limit", "checked")
 # Columns in which cells wrap where the terminal is narrow.
@@ -96,11 +101,14 @@ def legend(result: StudyResult) -> str:
         "confidence": 100.0 * result.confidence,
         "runs": "1 run" if count == 1 else f"{count} runs",
         "model": MODELS[model],
+        "deadline": result.deadline,
         "answer": f"best for each {of_given}" if of_given else "answer",
         "given": f" for the same {of_given}" if of_given else "",
     }
     parts = [OF_RUNS]
-    if has_choices:
+    if result.deadline:
+        parts = [OF_DEADLINE]
+    elif has_choices:
         parts = [OF_MARKS, OF_RUNS, OF_BEHIND]
     parts.append(OF_COLUMNS)
     if _are_rows_drawn(result):
@@ -154,6 +162,8 @@ def _unasked(result: StudyResult) -> list[str]:
 
     They are a harvest's length if the goal is its rate, and how far behind a setting alone is.
     """
+    if result.deadline:
+        return ["behind, %"]
     length = ["harvest, s"] if result.goal == "bins_per_hour" else []
     is_compared = len(result.table) > 1 and _has_choices(result)
     return length if is_compared else [*length, "behind, %"]
@@ -175,6 +185,11 @@ def _behind(row: Row) -> str:
     if row.lead is None:
         return figure
     return f"{figure} ±{100.0 * (row.lead.high - row.lead.mean):.1f}"
+
+
+def _in_time(row: Row) -> str:
+    """Return how many harvests were done by the deadline; '' if there is none."""
+    return "" if row.in_time is None else f"{row.in_time} of {row.replications}"
 
 
 def _interval(interval: Interval | None) -> str:

@@ -1,0 +1,132 @@
+"""How the answer of a study with a deadline is said."""
+
+from collections.abc import Sequence
+
+from scipy import special
+
+from orchard.report.days import WorkDays
+from orchard.study.deadline import Deadline, Trial, hours_words
+from orchard.study.fleets import Fleet
+from orchard.study.result import Interval, Row, StudyResult
+from orchard.study.words import counted, interval_words, number_words
+
+# What would make the limit of each part shorter.
+REMEDIES = {
+    "pickers": "more pickers, shorter shares of rows, or a higher picking_rate",
+    "carriers": "more carriers, or faster ones",
+    "unloading": "a shorter time at the bay (handling.unloading)",
+    "chargers": "more chargers",
+}
+
+
+def too_early(fastest: Fleet, deadline: Deadline) -> str:
+    """Return why no fleet meets a deadline, and what would."""
+    part = fastest.part if fastest.part == "unloading" else f"the {fastest.part}"
+    needed = hours_words(fastest.limit_seconds)
+    return (
+        f"no fleet finishes {deadline.words}: without traffic even {_fleet_words(fastest)} need"
+        f" {needed}, because {part} would allow no more; a deadline after that would do, or"
+        f" {REMEDIES[fastest.part]}"
+    )
+
+
+def finish_answer(
+    result: StudyResult, smaller: Sequence[Fleet], trial: Trial, days: WorkDays | None
+) -> str:
+    """Return the answer: the fleet, its time, how sure it is, its cost, and what smaller ones need.
+
+    `smaller`: the fleets with fewer robots of one kind. `days`: of the answer.
+    """
+    if not result.table:
+        return "No setting has been run yet."
+    best = result.best_row
+    words = _none_in_time(result, trial) if best is None else _best_words(best, result, days)
+    parts = [words, *_smaller_words(result, smaller)]
+    is_cut = result.stopped_by in ("budget", "stopped")
+    sure = best is not None and best.replications >= trial.replications
+    if is_cut and not sure:
+        parts.append("not all runs are done, so this is the answer so far")
+    return f"{'; '.join(parts)}. The orchard: {result.orchard}."
+
+
+def _fleet_words(fleet: Fleet) -> str:
+    return _counted(fleet.pickers, fleet.carriers)
+
+
+def _counted(pickers: int, carriers: int) -> str:
+    return f"{counted('pickers', pickers)} and {counted('carriers', carriers)}"
+
+
+def _row_words(row: Row) -> str:
+    return _counted(row.setting["pickers"], _carriers_of(row))
+
+
+def _carriers_of(row: Row) -> int:
+    carriers: int = row.setting["carriers"]
+    return carriers
+
+
+def _best_words(best: Row, result: StudyResult, days: WorkDays | None) -> str:
+    """Return the answer, its time, and how many harvests were in time."""
+    seconds = best.harvest_seconds
+    assert seconds is not None
+    words = f"{_row_words(best)} finish in {_time_words(seconds)}"
+    if days is not None:
+        words += f" of work, on {days.words(seconds.mean)}"
+    if best.replications > 1:
+        words += f", {best.in_time} of {best.replications} harvests {result.deadline}"
+        share = least_share(best.in_time or 0, best.replications, result.confidence)
+        words += f" (of all such harvests at least {100.0 * share:.0f} %)"
+    else:
+        words += f", {result.deadline}"
+    if best.cost_per_bin is not None:
+        words += f", for {interval_words(best.cost_per_bin)} a bin"
+    return words
+
+
+def least_share(in_time: int, count: int, confidence: float) -> float:
+    """Return which share of all harvests is in time at least, with a confidence, 0 to 1.
+
+    It is the lower limit of Clopper and Pearson, if so many of `count` were in time.
+    """
+    if in_time == 0:
+        return 0.0
+    return float(special.betaincinv(in_time, count - in_time + 1, 1.0 - confidence))
+
+
+def _time_words(seconds: Interval) -> str:
+    return hours_words(seconds.mean, seconds.high - seconds.mean)
+
+
+def _smaller_words(result: StudyResult, smaller: Sequence[Fleet]) -> list[str]:
+    """Return what fleets with fewer robots of one kind need."""
+    words = []
+    for fleet in smaller:
+        rows = [row for row in result.table if row.setting == fleet.setting.values]
+        seconds = rows[0].harvest_seconds if rows else None
+        need = f"at least {hours_words(fleet.limit_seconds)}"
+        if seconds is not None:
+            need = hours_words(seconds.mean)
+        words.append(f"{_fleet_words(fleet)} would need {need}")
+    return words
+
+
+def _none_in_time(result: StudyResult, trial: Trial) -> str:
+    """Return that no fleet is in time as often as is asked, and which one is the fastest."""
+    known = [row for row in result.table if row.harvest_seconds is not None]
+    wanted = f"{trial.replications - trial.late} of {trial.replications} harvests"
+    if not known:
+        return "All fleets jammed: some robots waited for ever"
+    fastest = min(known, key=_mean_seconds)
+    seconds = fastest.harvest_seconds
+    assert seconds is not None
+    return (
+        f"No fleet finishes {wanted} {result.deadline}: the fastest of {number_words(len(known))}"
+        f" is {_row_words(fastest)} with {_time_words(seconds)}, {fastest.in_time} of"
+        f" {fastest.replications} in time"
+    )
+
+
+def _mean_seconds(row: Row) -> float:
+    assert row.harvest_seconds is not None
+    return row.harvest_seconds.mean

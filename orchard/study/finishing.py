@@ -1,0 +1,370 @@
+"""The cheapest fleet that finishes in time, and how sure that is.
+
+Fleets are tried in the order of what they cost at least: `orchard.study.fleets`. A fleet is in time
+if at least so many of its harvests are as the confidence asks: 19 of 20 for 95 %. It is out as soon
+as more are late than that allows. A fleet that is in time in the first few harvests is the answer
+so far. The search ends when all others cost more at least, or as good as that. Then the answer is
+run as often as the confidence asks; if it fails, the search goes on.
+"""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from orchard.discrete.harvest import get_ready
+from orchard.field.problems import Problem, ScenarioError
+from orchard.field.scenario import Scenario
+from orchard.study.checking import checked_settings, free_robots
+from orchard.study.deadline import Deadline, Trial
+from orchard.study.finish_words import finish_answer, too_early
+from orchard.study.fleets import PICKERS, Fleet, Fleets
+from orchard.study.options import StudyOptions
+from orchard.study.replications import Replications
+from orchard.study.result import Goal, Model, Row, Standing, StoppedBy, StudyResult
+from orchard.study.runs import RunRecord, software
+from orchard.study.settings import CARRIERS, Setting
+from orchard.study.store import Store
+from orchard.study.study import row_of
+from orchard.study.words import orchard_words
+from orchard.study.workers import Workers, processes, scheduled
+
+# Harvests after which a fleet may be the answer so far.
+FIRST = 4
+# Harvests of the fleets next to the answer.
+BESIDE = 2
+REPORT_SECONDS = 0.5
+# Keys that may vary.
+OF_FLEETS = (PICKERS, CARRIERS)
+
+
+def finish_study(
+    scenario: Scenario,
+    varied: Mapping[str, Sequence[Any]],
+    deadline: Deadline,
+    options: StudyOptions = StudyOptions(horizon="harvest"),
+    tell: Callable[[StudyResult], None] = lambda partial: None,
+    is_stopped: Callable[[], bool] = lambda: False,
+) -> StudyResult:
+    """Return the cheapest fleet that finishes in time; without prices the one with fewest robots.
+
+    `varied`: pickers, carriers, or both, and their numbers; no numbers: as many as it takes.
+    `tell` and `is_stopped` are as in `study`. Raises ScenarioError, also if the limit of each
+    fleet misses the deadline; StoreError, WorkersError, RunFailed and StoreFailed as `study` does.
+    """
+    problems = finish_problems(scenario, varied, deadline, options)
+    if problems:
+        raise ScenarioError(problems)
+    pickers = list(varied[PICKERS]) if PICKERS in varied else [scenario.pickers]
+    fleets = Fleets(scenario, deadline, pickers, varied.get(CARRIERS))
+    if not fleets.fleets:
+        raise ScenarioError([Problem(deadline.option, too_early(fleets.fastest(), deadline))])
+    if options.model != "full":
+        get_ready([scenario])
+    started: AbstractContextManager[Workers] = processes(options.workers)
+    if options.scheduler:
+        started = scheduled(options.scheduler)
+    with Store(options.store_file, options.anew) as store, started as workers:
+        return _Search(scenario, fleets, options, store, workers, tell, is_stopped).run()
+
+
+def finish_problems(
+    scenario: Scenario,
+    varied: Mapping[str, Sequence[Any]],
+    deadline: Deadline,
+    options: StudyOptions,
+) -> list[Problem]:
+    """Return what is wrong with a question, before any limit is known."""
+    problems = []
+    others = [key for key in varied if key not in OF_FLEETS]
+    if others:
+        text = f"with a deadline only pickers and carriers vary, and not {', '.join(others)}"
+        problems.append(Problem(deadline.option, text))
+    if deadline.days is not None and not scenario.shift.is_set:
+        text = "days need a shift: set shift.begin and shift.end, or use --finish-within"
+        problems.append(Problem(deadline.option, text, "shift"))
+    if options.goal is not None:
+        text = "with a deadline the cheapest fleet is the answer; leave --goal out"
+        problems.append(Problem(f"--goal {options.goal}", text))
+    asked = {}
+    for key in OF_FLEETS:
+        if varied.get(key):
+            asked[key] = varied[key]
+    settings, faults = checked_settings(scenario, asked, replace(options, goal=None))
+    if settings:
+        for key in OF_FLEETS:
+            if key in varied and not any(fault.path == "prices" for fault in faults):
+                faults += free_robots(settings, key)
+    return problems + faults
+
+
+@dataclass
+class _Tried:
+    """A fleet that has run."""
+
+    fleet: Fleet
+    #: In the runs of a study.
+    number: int
+    is_out: bool = False
+
+
+@dataclass
+class _Search:
+    """The search, with what is known so far."""
+
+    scenario: Scenario
+    fleets: Fleets
+    options: StudyOptions
+    store: Store
+    workers: Workers
+    tell: Callable[[StudyResult], None]
+    is_stopped: Callable[[], bool]
+    tried: list[_Tried] = field(default_factory=list)
+    answer: _Tried | None = None
+    stopped_by: StoppedBy = "budget"
+
+    def __post_init__(self) -> None:
+        self.begun = time.time()
+        self.reported_at = 0.0
+        self.until = self.begun + self.options.budget_seconds
+        self.trial = Trial.of(self.options.confidence)
+        self.model: Model = "full" if self.options.model == "full" else "fast"
+        self.settings: list[Setting] = []
+        has_prices = self.scenario.prices.are_set
+        self.goal: Goal = "cost_per_bin" if has_prices else "harvest_seconds"
+        self.runs = Replications(
+            self.settings,
+            self.goal,
+            "harvest",
+            self.store,
+            self.workers,
+            heard=self._report,
+            is_stopped=self.is_stopped,
+        )
+
+    def run(self) -> StudyResult:
+        """Do all that the budget allows, and return the answer."""
+        is_whole = self._search()
+        if is_whole and self.answer is not None:
+            is_whole = self._run_beside(self.answer)
+        if is_whole:
+            self.stopped_by = "certain"
+        elif self.runs.is_stopped():
+            self.stopped_by = "stopped"
+        return self._result()
+
+    # -- the search
+
+    def _search(self) -> bool:
+        """Find the answer. Return whether the budget sufficed."""
+        while True:
+            for fleet in self.fleets.fleets:
+                if self._is_too_dear(fleet):
+                    break
+                if not self._may_be(fleet):
+                    continue
+                tried = self._tried(fleet)
+                if not self._try(tried, FIRST):
+                    return False
+                if not tried.is_out:
+                    self.answer = self._cheaper(tried)
+            if self.answer is None:
+                return True
+            if not self._try(self.answer, self.trial.replications):
+                return False
+            if not self.answer.is_out:
+                return True
+            # It was in time at first only. All that was dearer is asked again.
+            self.answer = None
+
+    def _is_too_dear(self, fleet: Fleet) -> bool:
+        """Whether a fleet costs as much as the answer at least, or as good as that."""
+        if self.answer is None:
+            return False
+        cost = self._cost(self.answer)
+        if self.scenario.prices.are_set:
+            cost *= 1.0 - self.options.within
+        return fleet.least_cost >= cost
+
+    def _may_be(self, fleet: Fleet) -> bool:
+        """Whether a fleet may be in time: one with more carriers was not late in all harvests."""
+        for tried in self.tried:
+            if tried.fleet is fleet:
+                return not tried.is_out
+            is_larger = (
+                tried.fleet.pickers == fleet.pickers and tried.fleet.carriers >= fleet.carriers
+            )
+            if is_larger and tried.is_out and self._in_time(tried) == 0:
+                return False
+        return True
+
+    def _tried(self, fleet: Fleet) -> _Tried:
+        """Return a fleet as one that runs."""
+        for tried in self.tried:
+            if tried.fleet is fleet:
+                return tried
+        self.settings.append(fleet.setting)
+        tried = _Tried(fleet, len(self.settings) - 1)
+        self.tried.append(tried)
+        return tried
+
+    def _try(self, tried: _Tried, count: int) -> bool:
+        """Run harvests of a fleet, at most so many, until it is out. Return whether that is done.
+
+        They run in twos, because two that are late are enough for most confidences.
+        """
+        step = max(2, self.workers.count)
+        done = 0
+        while done < count and not tried.is_out:
+            done = min(count, done + step)
+            if not self.runs.do([tried.number], self.model, done, self.until):
+                return False
+            tried.is_out = self._is_out(tried)
+            if not tried.fleet.setting.is_random:
+                break
+        return True
+
+    def _run_beside(self, answer: _Tried) -> bool:
+        """Run the fleets next to the answer a few times. Return whether that is done."""
+        for fleet in self.beside(answer):
+            tried = self._tried(fleet)
+            if not self.runs.do([tried.number], self.model, BESIDE, self.until):
+                return False
+            tried.is_out = self._is_out(tried)
+        return True
+
+    def beside(self, answer: _Tried) -> list[Fleet]:
+        """Return the fleets with fewer pickers, and with fewer carriers, that are next to one.
+
+        Those that may be in time by their limits. The others need no run.
+        """
+        return [fleet for fleet in self._smaller(answer) if self.fleets.is_possible(fleet)]
+
+    def _smaller(self, answer: _Tried) -> list[Fleet]:
+        fleet = answer.fleet
+        smaller = []
+        numbers = [crew.pickers for crew in self.fleets.crews if crew.pickers < fleet.pickers]
+        if numbers:
+            smaller.append(self.fleets.fleet(max(numbers), fleet.carriers))
+        if fleet.carriers > 1 and self.fleets.carriers is not None:
+            smaller.append(self.fleets.fleet(fleet.pickers, fleet.carriers - 1))
+        return [fleet for fleet in smaller if fleet is not None]
+
+    # -- what the runs tell
+
+    def _records(self, tried: _Tried) -> list[RunRecord]:
+        """Return the runs of a fleet, by seed."""
+        return self.runs.known(tried.number, self.model)
+
+    def _late(self, tried: _Tried) -> int:
+        """Return how many harvests of a fleet were late, or jammed."""
+        return len(self._records(tried)) - self._in_time(tried)
+
+    def _in_time(self, tried: _Tried) -> int:
+        most = self.fleets.deadline.seconds(tried.fleet.setting)
+        in_time = 0
+        for record in self._records(tried):
+            in_time += record.ended != "jammed" and record.sim_seconds <= most
+        return in_time
+
+    def _is_out(self, tried: _Tried) -> bool:
+        """Whether more harvests were late, or one jammed, than the confidence allows."""
+        is_jammed = any(record.ended == "jammed" for record in self._records(tried))
+        # The one run of a fleet without chance stands for all.
+        allowed = self.trial.late if tried.fleet.setting.is_random else 0
+        return is_jammed or self._late(tried) > allowed
+
+    def _cost(self, tried: _Tried) -> float:
+        """Return what a harvest of a fleet costs, by the mean; without prices its robots."""
+        if not self.scenario.prices.are_set:
+            return tried.fleet.pickers + tried.fleet.carriers
+        costs = []
+        for record in self._records(tried):
+            setting = tried.fleet.setting
+            cost = setting.cost_per_bin(record.bins_per_hour, record.counted_bins) or 0.0
+            costs.append(cost * record.bins)
+        return sum(costs) / len(costs)
+
+    def _cheaper(self, tried: _Tried) -> _Tried:
+        """Return the cheaper one of the answer and a fleet that is in time."""
+        if self.answer is None or self._cost(tried) < self._cost(self.answer):
+            return tried
+        return self.answer
+
+    # -- the result
+
+    def _report(self) -> None:
+        """Tell what is known so far, now that a run is over."""
+        if time.time() - self.reported_at > REPORT_SECONDS:
+            self.tell(self._result())
+            self.reported_at = time.time()
+
+    def _result(self) -> StudyResult:
+        """Return what is known so far."""
+        table = [self._row(tried) for tried in self._in_order() if self._records(tried)]
+        varied: dict[str, list[Any]] = {PICKERS: [], CARRIERS: []}
+        for row in table:
+            for key, values in varied.items():
+                if row.setting[key] not in values:
+                    values.append(row.setting[key])
+        best = None if self.answer is None else self.answer.fleet.setting.values
+        violations = set[str]()
+        for record in self.runs.records.values():
+            violations.update(record.violations.splitlines())
+        result = StudyResult(
+            answer="",
+            orchard=orchard_words(self.scenario, varied),
+            best=best,
+            table=table,
+            goal=self.goal,
+            horizon="harvest",
+            confidence=self.options.confidence,
+            within=self.options.within,
+            scenario=self.scenario.model_dump(),
+            varied={key: sorted(values) for key, values in varied.items()},
+            wall_seconds=time.time() - self.begun,
+            stopped_by=self.stopped_by,
+            undecided=[],
+            seconds_needed=None,
+            beyond={},
+            notes=self._notes(),
+            version=software(),
+            violations=sorted(violations),
+            deadline=self.fleets.deadline.words,
+            deadline_option=self.fleets.deadline.option,
+        )
+        smaller = self._smaller(self.answer) if self.answer is not None else []
+        days = self.answer.fleet.setting.days if self.answer is not None else None
+        return replace(result, answer=finish_answer(result, smaller, self.trial, days))
+
+    def _in_order(self) -> list[_Tried]:
+        """Return the fleets that have run, in the order of the table."""
+        return sorted(self.tried, key=lambda tried: (tried.fleet.pickers, tried.fleet.carriers))
+
+    def _row(self, tried: _Tried) -> Row:
+        """Return the line of a fleet in the table."""
+        standing: Standing = "unknown"
+        if tried is self.answer:
+            standing = "best"
+        elif tried.is_out or (self.answer is not None and self._is_dearer(tried)):
+            standing = "worse"
+        row = row_of(tried.fleet.setting, self._records(tried), self.options.confidence)
+        if row.jammed:
+            standing = "jammed"
+        return replace(row, standing=standing, in_time=self._in_time(tried))
+
+    def _is_dearer(self, tried: _Tried) -> bool:
+        return self.answer is not None and self._cost(tried) >= self._cost(self.answer)
+
+    def _notes(self) -> list[str]:
+        """Return what a reader must know beside the table."""
+        notes = []
+        if self.options.model == "both":
+            notes.append("the fast model alone answers; --model full asks the simulator")
+        if self.scenario.shift.is_set:
+            notes.append(
+                "the harvest's time is working time; before a day's end carriers only finish their"
+                " jobs and drive home"
+            )
+        return notes

@@ -1,0 +1,213 @@
+"""The fleets among which a study with a deadline looks, each with its limit, which needs no run.
+
+Without traffic a fleet cannot be faster than its slowest part: the picker with the most to pick,
+all carriers, the bay, or the chargers. So a fleet of which the limit misses the deadline is out.
+What its harvest costs at its limit is the least that it may cost.
+
+Of numbers of pickers that a study chooses itself, those are left out with which the picker with the
+most rows has as many as with a smaller number: they cost more, and are hardly faster.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import ceil, floor
+
+from orchard.field.layout import lay_out
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import ROW_RULES, Scenario, with_changes
+from orchard.report.limits import full_bins, in_mean_rows, limit_of_question
+from orchard.study.deadline import Deadline
+from orchard.study.settings import CARRIERS, FEWER, MORE, Setting, most_carriers, settings_of
+
+PICKERS = "pickers"
+MOST_PICKERS = 60
+LEAST_PICKERS = 2
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """A setting, and what is known of its harvest without a run."""
+
+    setting: Setting
+    limit_seconds: float
+    #: The part that sets this limit.
+    part: str
+    #: The least that it may cost: all that is paid, or without prices the number of robots.
+    least_cost: float
+
+    @property
+    def pickers(self) -> int:
+        """The number of pickers."""
+        return self.setting.scenario.pickers
+
+    @property
+    def carriers(self) -> int:
+        """The number of carriers."""
+        return self.setting.scenario.carrier_count
+
+
+class _Crew:
+    """A number of pickers, and the limits of its harvest: those of one carrier too."""
+
+    def __init__(self, scenario: Scenario, pickers: int) -> None:
+        self.scenario = with_changes(scenario, pickers=pickers, carriers=1)
+        self.pickers = pickers
+
+    @cached_property
+    def parts(self) -> dict[str, float]:
+        """How long the harvest takes at least for each part, s: with one carrier."""
+        bounds = limit_of_question(self.scenario)
+        layout = lay_out(in_mean_rows(self.scenario))
+        fruit = full_bins(layout)
+        seconds = {name: fruit / rate for name, rate in bounds.terms.items()}
+        for name, block in layout.blocks.items():
+            picking, crossing, wait = bounds.of_pickers[name][:3]
+            metres = sum(layout.lane(row).length for row in block.rows)
+            bins = metres / (self.scenario.bin_metres or metres / len(block.rows))
+            # After the last bin it need not go on.
+            alone = bins * (picking + crossing + wait) - crossing - wait
+            seconds["pickers"] = max(seconds["pickers"], alone)
+        return seconds
+
+    @property
+    def without_carriers(self) -> float:
+        """The limit with as many carriers as it takes, s."""
+        return max(seconds for name, seconds in self.parts.items() if name != CARRIERS)
+
+    def limit(self, carriers: int) -> tuple[float, str]:
+        """Return the limit with so many carriers, s, and the part that sets it."""
+        parts = self.parts | {CARRIERS: self.parts[CARRIERS] / carriers}
+        part = max(parts, key=lambda name: parts[name])
+        return parts[part], part
+
+
+class Fleets:
+    """All fleets of a question. `pickers`, `carriers`: their numbers; none: as it takes."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        deadline: Deadline,
+        pickers: Sequence[int | None],
+        carriers: Sequence[int | None] | None,
+    ) -> None:
+        """`carriers`: None if they are those of the scenario."""
+        self.scenario = scenario
+        self.deadline = deadline
+        self.is_open = not pickers
+        numbers = _worth_trying(scenario) if self.is_open else [n for n in pickers if n]
+        self.crews = [_Crew(scenario, number) for number in sorted(numbers)]
+        self.carriers = carriers
+        self._known: dict[tuple[int, int], Fleet | None] = {}
+
+    @cached_property
+    def fleets(self) -> list[Fleet]:
+        """The fleets of which the limit meets the deadline: the cheapest ones first."""
+        meeting = []
+        for crew in self._crews_in_time():
+            for number in self._numbers_of_carriers(crew):
+                fleet = self.fleet(crew.pickers, number)
+                if fleet is not None and self.is_possible(fleet):
+                    meeting.append(fleet)
+        return sorted(meeting, key=lambda fleet: (fleet.least_cost, fleet.pickers, fleet.carriers))
+
+    def is_possible(self, fleet: Fleet) -> bool:
+        """Whether the limit of a fleet meets the deadline."""
+        return fleet.limit_seconds <= self.deadline.seconds(fleet.setting)
+
+    def fleet(self, pickers: int, carriers: int) -> Fleet | None:
+        """Return a fleet, the same one each time; None if the orchard has no room for it."""
+        key = pickers, carriers
+        if key not in self._known:
+            self._known[key] = self._fleet(pickers, carriers)
+        return self._known[key]
+
+    def _fleet(self, pickers: int, carriers: int) -> Fleet | None:
+        varied = {PICKERS: [pickers], CARRIERS: [carriers]}
+        settings, _ = settings_of(self.scenario, varied)
+        if not settings:
+            return None
+        (setting,) = settings
+        (crew,) = [crew for crew in self.crews if crew.pickers == pickers]
+        seconds, part = crew.limit(carriers)
+        return Fleet(setting, seconds, part, self._least_cost(setting, seconds))
+
+    def fastest(self) -> Fleet:
+        """Return the fleet of which the limit is the shortest."""
+        crew = min(self.crews, key=lambda crew: crew.without_carriers)
+        found = []
+        for number in self._numbers_of_carriers(crew):
+            fleet = self.fleet(crew.pickers, number)
+            if fleet is not None:
+                found.append(fleet)
+        return min(found, key=lambda fleet: (fleet.limit_seconds, fleet.carriers))
+
+    def _crews_in_time(self) -> Iterator[_Crew]:
+        """Yield the crews that may be in time, if they have as many carriers as it takes."""
+        if not self.is_open:
+            yield from self.crews
+            return
+        first = _first(self.crews, self._may_be_in_time)
+        yield from self.crews[first:]
+
+    def _may_be_in_time(self, crew: _Crew) -> bool:
+        return crew.without_carriers <= self.deadline.seconds(Setting({}, crew.scenario))
+
+    def _numbers_of_carriers(self, crew: _Crew) -> list[int]:
+        """Return the numbers of carriers that a study tries with a crew."""
+        given = [self.scenario.carriers] if self.carriers is None else self.carriers
+        if given:
+            usual = crew.scenario.model_copy(update={"carriers": None}).carrier_count
+            return [usual if number is None else number for number in given]
+        most = most_carriers(crew.scenario)
+        # With so many carriers they do not limit what pickers and the bay allow.
+        busy = crew.parts[CARRIERS] / crew.without_carriers
+        last = min(most, ceil(MORE * busy) + 1)
+        return list(range(min(most, max(1, floor(FEWER * busy))), last + 1))
+
+    def _least_cost(self, setting: Setting, seconds: float) -> float:
+        """Return the least that the harvest of a setting may cost in so many s, or its robots."""
+        if not setting.has_prices:
+            return setting.scenario.pickers + setting.scenario.carrier_count
+        bins = lay_out(setting.scenario).bins
+        return bins * sum(setting.payments(3600.0 * bins / seconds, bins).values())
+
+
+def _worth_trying(scenario: Scenario) -> list[int]:
+    """Return the numbers of pickers of which each shortens the longest share of rows."""
+    most = min(MOST_PICKERS, scenario.rows)
+    numbers = range(LEAST_PICKERS, most + 1)
+    is_balanced = scenario.rows_to_pickers in ROW_RULES[:2] and scenario.survey is None
+    if not is_balanced:
+        return [number for number in numbers if _is_scenario(scenario, number)]
+    shares: dict[int, int] = {}
+    for number in numbers:
+        if _is_scenario(scenario, number):
+            shares.setdefault(ceil(scenario.rows / number), number)
+    return list(shares.values())
+
+
+def _is_scenario(scenario: Scenario, pickers: int) -> bool:
+    """Whether there can be so many pickers."""
+    try:
+        with_changes(scenario, pickers=pickers, carriers=1)
+    except ScenarioError:
+        return False
+    return True
+
+
+def _first(crews: Sequence[_Crew], is_met: Callable[[_Crew], bool]) -> int:
+    """Return the place of the first crew for which a rule holds, if it holds for all later ones.
+
+    It asks only a few of them.
+    """
+    low = 0
+    high = len(crews)
+    while low < high:
+        middle = (low + high) // 2
+        if is_met(crews[middle]):
+            high = middle
+        else:
+            low = middle + 1
+    return low

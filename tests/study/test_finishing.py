@@ -1,0 +1,163 @@
+"""The cheapest fleet that finishes in time: which one it is, how sure, and what no fleet can."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from stage import empty_orchard
+
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import with_changes
+from orchard.study.deadline import Deadline, Trial, hours_words
+from orchard.study.finish_words import least_share
+from orchard.study.finishing import finish_problems, finish_study
+from orchard.study.fleets import Fleets
+from orchard.study.options import StudyOptions
+from orchard.study.report import command
+from orchard.study.runs import PlannedRun
+from orchard.study.study import study
+
+HOUR = 3600.0
+PRICES = {"picker_per_hour": 20.0, "carrier_per_hour": 10.0}
+SHIFT = {"begin": "07:00", "end": "09:00"}
+# Nothing in it is random: people and animals, weeds and tractor are left out.
+SMALL = empty_orchard(rows=6, row_length=40.0, picking_rate=4.0, bins_per_row=1.0, prices=PRICES)
+CHANCE = with_changes(SMALL, picking={"spread": {"distribution": "lognormal", "cv": 0.3}})
+OPTIONS = StudyOptions(horizon="harvest", model="fast", workers=1, budget_seconds=1000.0)
+BOTH: dict[str, list[int]] = {"pickers": [], "carriers": []}
+
+
+def within(hours: float) -> Deadline:
+    return Deadline(within_seconds=hours * HOUR)
+
+
+def test_a_confidence_asks_for_so_many_harvests_in_time() -> None:
+    assert Trial.of(0.95) == Trial(replications=20, late=1)
+    assert Trial.of(0.9) == Trial(replications=20, late=2)
+    assert Trial.of(0.975) == Trial(replications=40, late=1)
+
+
+def test_a_time_is_told_in_hours_and_minutes() -> None:
+    assert hours_words(7 * HOUR + 41 * 60.0, 8 * 60.0) == "7:41 ± 0:08 h"
+    assert hours_words(3599.0) == "1:00 h"
+
+
+def test_how_many_harvests_are_in_time_at_least() -> None:
+    """Of n harvests that all were in time: the share of which n in time have a chance of 5 %."""
+    assert least_share(20, 20, 0.95) == pytest.approx(0.05 ** (1 / 20))
+    assert least_share(0, 20, 0.95) == 0.0
+
+
+def test_the_answer_is_the_cheapest_fleet_in_time(tmp_path) -> None:
+    """It is that of all fleets, of which each is run here by itself."""
+    found = finish_study(SMALL, BOTH, within(0.6), replace(OPTIONS, store=tmp_path / "s.db"))
+    costs = {}
+    for pickers in range(2, 7):
+        for carriers in range(1, 4):
+            scenario = with_changes(SMALL, pickers=pickers, carriers=carriers)
+            record = PlannedRun(scenario, "fast").do(1e12)
+            assert record is not None
+            if record.sim_seconds <= 0.6 * HOUR:
+                hours = record.sim_seconds / HOUR
+                costs[pickers, carriers] = hours * (20.0 * pickers + 10.0 * carriers)
+    best = found.best_row
+    assert best is not None and best.harvest_seconds is not None
+    fleet = best.setting["pickers"], best.setting["carriers"]
+    assert costs[fleet] <= 1.02 * min(costs.values())
+    assert best.harvest_seconds.mean <= 0.6 * HOUR and best.in_time == best.replications == 1
+    # Most fleets need no run: their limits tell.
+    assert len(found.table) < 10
+    assert "would need" in found.answer and "within 0.6 h of work" in found.answer
+    assert command(found).endswith("--finish-within 0.6h --confidence 0.95 --within 0.02")
+
+
+def test_the_answer_is_in_time_as_often_as_is_asked(tmp_path) -> None:
+    options = replace(OPTIONS, store=tmp_path / "s.db")
+    found = finish_study(CHANCE, BOTH, within(0.6), options)
+    best = found.best_row
+    assert best is not None and best.in_time is not None
+    assert best.replications == 20 and best.in_time >= 19
+    assert f"{best.in_time} of 20 harvests within 0.6 h of work" in found.answer
+    assert found == replace(
+        finish_study(CHANCE, BOTH, within(0.6), replace(options, workers=2)),
+        wall_seconds=found.wall_seconds,
+    )
+
+
+def test_without_prices_the_fewest_robots_answer(tmp_path) -> None:
+    free = with_changes(SMALL, prices={"picker_per_hour": None, "carrier_per_hour": None})
+    found = finish_study(free, BOTH, within(1.2), replace(OPTIONS, store=tmp_path / "s.db"))
+    in_time = [row for row in found.table if row.in_time]
+    fewest = min(sum(row.setting.values()) for row in in_time)
+    assert found.best is not None and sum(found.best.values()) == fewest
+
+
+def test_a_shift_says_on_which_day_the_harvest_ends(tmp_path) -> None:
+    """Two hours a day: what takes longer ends on the second day, and is paid for it."""
+    days = with_changes(SMALL, shift=SHIFT, prices={"carrier_per_day": 100.0})
+    found = finish_study(
+        days,
+        {"pickers": [2], "carriers": [1]},
+        Deadline(days=2),
+        replace(OPTIONS, store=tmp_path / "s.db"),
+    )
+    assert "of work, on day 1 at 0" in found.answer or "of work, on day 2 at 0" in found.answer
+    assert found.deadline == "by the end of day 2"
+    row = found.best_row
+    assert row is not None and row.paid["carrier_days"] > 0.0
+
+
+def test_a_deadline_that_no_limit_meets_names_the_limit() -> None:
+    with pytest.raises(ScenarioError) as error:
+        finish_study(SMALL, BOTH, within(0.1), OPTIONS)
+    told = str(error.value)
+    assert told.startswith("--finish-within 0.1h: no fleet finishes within 0.1 h of work: without")
+    assert "because the pickers would allow no more" in told
+    assert "a deadline after that would do, or" in told and "a higher picking_rate" in told
+
+
+def test_a_limit_is_not_longer_than_the_harvest() -> None:
+    fleets = Fleets(SMALL, within(100.0), [2, 3, 6], [1, 2])
+    for fleet in fleets.fleets:
+        record = PlannedRun(fleet.setting.scenario, "fast").do(1e12)
+        assert record is not None
+        assert fleet.limit_seconds <= record.sim_seconds
+        cost = fleet.setting.cost_per_bin(record.bins_per_hour, record.bins)
+        assert cost is not None and fleet.least_cost <= cost * record.bins + 1e-9
+
+
+MISTAKES: list[tuple[dict[str, list[Any]], Deadline, dict[str, Any], str]] = [
+    (BOTH, Deadline(days=2), {}, "--finish-by 2d: shift: days need a shift"),
+    (
+        {"dispatch": ["nearest"]},
+        within(1.0),
+        {},
+        "--finish-within 1h: with a deadline only pickers and carriers vary, and not dispatch",
+    ),
+    (BOTH, within(1.0), {"goal": "bins_per_hour"}, "--goal bins_per_hour: with a deadline"),
+]
+
+
+@pytest.mark.parametrize(("varied", "deadline", "changes", "told"), MISTAKES)
+def test_a_question_that_cannot_be_is_told(varied, deadline, changes, told) -> None:
+    (problem,) = finish_problems(SMALL, varied, deadline, replace(OPTIONS, **changes))
+    assert str(problem).startswith(told)
+
+
+@pytest.mark.parametrize(
+    ("prices", "told"),
+    [
+        ({"carrier_per_hour": 8.0}, "--vary pickers: prices: pickers vary and cost nothing"),
+        ({"picker_per_hour": 8.0}, "--vary carriers: prices: carriers vary and cost nothing"),
+    ],
+)
+def test_robots_that_vary_need_a_price_if_others_have_one(prices, told) -> None:
+    nothing = {"picker_per_hour": None, "carrier_per_hour": None}
+    scenario = with_changes(SMALL, prices=nothing | prices)
+    (problem,) = finish_problems(scenario, BOTH, within(1.0), OPTIONS)
+    assert str(problem).startswith(told)
+
+
+def test_a_study_without_a_deadline_tells_no_deadline(tmp_path) -> None:
+    found = study(SMALL, {"carriers": [1]}, replace(OPTIONS, store=tmp_path / "s.db"))
+    assert found.deadline == "" and found.table[0].in_time is None

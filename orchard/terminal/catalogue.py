@@ -12,6 +12,8 @@ from typing import Any
 
 from typer import BadParameter
 
+from orchard.terminal.exits import lack_of
+
 EPILOG = (
     "A clone keeps recordings and snapshots in its folder runs/, "
     "an installed package in the user's own data directory.\n"
@@ -42,13 +44,13 @@ class CommandEntry:
         # A folder that holds nothing but files of Python's cache has no origin.
         return spec is not None and spec.origin is not None
 
-    def load(self) -> Any:
-        """Return the function or the group. Raises BadParameter if its package is left out."""
+    def load(self, name: str) -> Any:
+        """Return the function or the group of the command of this name.
+
+        Raises BadParameter if its package is left out.
+        """
         if not self.is_here:
-            raise BadParameter(
-                f"{self.attribute}: this installation lacks {self.package}, "
-                "which has this command; expected the whole package orchard-sim"
-            )
+            raise BadParameter(lack_of(self.package, name))
         return getattr(import_module(self.module), self.attribute)
 
 

@@ -70,11 +70,26 @@ def needs_extra(purpose: str, extra: str, otherwise: str = "") -> Iterator[None]
     try:
         yield
     except ModuleNotFoundError as missing:
-        print_error(
-            f"{purpose} needs the package {missing.name}: "
-            f"pip install 'orchard-sim[{extra}]'{otherwise}"
-        )
+        name = missing.name or ""
+        if name.startswith("orchard."):
+            # No extra brings it.
+            print_error(lack_of(name, purpose))
+        else:
+            print_error(
+                f"{purpose} needs the package {name}: pip install 'orchard-sim[{extra}]'{otherwise}"
+            )
         raise typer.Exit(BAD_INPUT) from None
+
+
+def lack_of(package: str, purpose: str) -> str:
+    """Return that a package of the Orchard, such as orchard.study, has been left out.
+
+    `purpose`: what needs it: "A bound", or the name of a command.
+    """
+    return (
+        f"{purpose}: this installation lacks {package}, which it needs; "
+        "expected the whole package orchard-sim"
+    )
 
 
 def in_words(error: Exception) -> str:

@@ -32,7 +32,7 @@ class LazyGroup(OrchardGroup):
 
 def command_of(name: str, entry: CommandEntry) -> Any:
     """Return a command for its name and entry. Raises BadParameter if it is left out."""
-    loaded = entry.load()
+    loaded = entry.load(name)
     # Until here Ctrl-C ends the process silently. The command may have something to stop.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if isinstance(loaded, TyperGroup):

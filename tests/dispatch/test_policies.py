@@ -152,20 +152,6 @@ def test_a_run_says_if_its_policy_leaves(name, tmp_path):
     assert "hash" in done.stdout
 
 
-def test_a_study_says_which_of_its_policies_leave(tmp_path):
-    varied = ("--vary", "dispatch=assignment,nearest,longest-waiting", "--vary", "carriers=2")
-    done = orchard(
-        *("study", *varied, "--model", "fast", "--budget", "1", "--workers", "1"),
-        *("--out", tmp_path / "studies.db"),
-        code=None,
-    )
-    notes = [line for line in done.stderr.splitlines() if "version 2.0" in line]
-    assert [note.split(":")[0] for note in notes] == [
-        "dispatch = assignment",
-        "dispatch = longest-waiting",
-    ]
-
-
 @pytest.mark.parametrize("name", DISPATCH_POLICIES)
 def test_each_bin_gets_a_carrier_and_busy_ones_none(name):
     """Each bin gets a carrier if there are enough and busy ones none."""

@@ -340,3 +340,17 @@ def test_a_store_that_fails_is_a_failure_and_no_bad_input(folder, monkeypatch, c
         ["study", "--vary", "carriers=1,2", "--out", str(folder / "full.db")], standalone_mode=False
     )
     assert (code, capfd.readouterr().err) == (1, "full.db: a run cannot be kept: disk I/O error\n")
+
+
+def test_a_study_says_which_of_its_policies_leave(tmp_path):
+    varied = ("--vary", "dispatch=assignment,nearest,longest-waiting", "--vary", "carriers=2")
+    done = orchard(
+        *("study", *varied, "--model", "fast", "--budget", "1", "--workers", "1"),
+        *("--out", tmp_path / "studies.db"),
+        code=None,
+    )
+    notes = [line for line in done.stderr.splitlines() if "version 2.0" in line]
+    assert [note.split(":")[0] for note in notes] == [
+        "dispatch = assignment",
+        "dispatch = longest-waiting",
+    ]

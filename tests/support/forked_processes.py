@@ -22,6 +22,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -227,7 +228,9 @@ def preload() -> None:
     at an end all of it, 0.3 s.
     """
     for module in (*DOORS, *COMMAND_LINE):
-        __import__(module)
+        # A package of some commands may be left out.
+        if find_spec(module.rpartition(".")[0]) is not None:
+            __import__(module)
     for door in DOORS:
         del sys.modules[door]  # each process runs its own
     from orchard.field.scenario import Scenario

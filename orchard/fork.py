@@ -12,6 +12,7 @@ import numpy as np
 from orchard.behaviour.carrier import Carrier, CarrierMemory
 from orchard.behaviour.catalogue import make_agents
 from orchard.contract.agent import STATES, Agent
+from orchard.contract.guard import Guard
 from orchard.contract.messages import Written, pack, unpack
 from orchard.field.kinds import DISPATCH, kind_of, number_of
 from orchard.field.layout import Layout, lay_out
@@ -382,30 +383,58 @@ def _memories(
     """
     old_agents = make_agents(before)
     new_agents = make_agents(after)
-    going_on = dict[str, bytes | None]()
-    for name, place in places.items():
-        carrier = new_agents[name].agent
-        if isinstance(carrier, Carrier):
-            going_on[name] = pack(carrier.begin(place))
+    staying = {name: memory for name, memory in memories.items() if name in new_agents}
+    if _dispatches_otherwise(before, after):
+        staying.pop(DISPATCH, None)
     has_other_classes = before.scenario.own_classes != after.scenario.own_classes
-    for name, memory in memories.items():
-        is_gone = name not in new_agents
-        if is_gone or (name == DISPATCH and _dispatches_otherwise(before, after)):
-            continue
-        if memory is None:
-            going_on[name] = None
-            continue
-        try:
-            remembered = unpack(memory, new_agents[name].Memory)
-        except ValueError:
-            if has_other_classes or name in elsewhere:
-                continue
-            raise
+    may_begin_anew = new_agents if has_other_classes else elsewhere
+    going_on: dict[str, bytes | None] = _begun_carriers(new_agents, places)
+    for name, remembered in _fitting(staying, new_agents, may_begin_anew).items():
         if name in places and isinstance(remembered, CarrierMemory):
             remembered.queue_place = places[name]
-        is_replanned = _replan(remembered, old_agents[name].agent, new_agents[name].agent)
-        going_on[name] = pack(remembered) if is_replanned else memory
+        is_replanned = staying[name] is not None and _replan(
+            remembered, old_agents[name].agent, new_agents[name].agent
+        )
+        going_on[name] = pack(remembered) if is_replanned else staying[name]
     return going_on
+
+
+def _begun_carriers(
+    agents: Mapping[str, Guard], places: Mapping[str, int]
+) -> dict[str, bytes | None]:
+    """Return the memories of carriers that begin at their places in the queue.
+
+    A carrier of another class than `Carrier` begins without a memory, and is left out.
+    """
+    begun = dict[str, bytes | None]()
+    for name, place in places.items():
+        carrier = agents[name].agent
+        if isinstance(carrier, Carrier):
+            begun[name] = pack(carrier.begin(place))
+    return begun
+
+
+def _fitting(
+    memories: Mapping[str, bytes | None],
+    agents: Mapping[str, Guard],
+    may_begin_anew: Collection[str],
+) -> dict[str, Any]:
+    """Return the memories that fit their agents, unpacked: agent -> memory, None if it has none.
+
+    `may_begin_anew`: agents whose memory is left out if it does not fit. Raises ValueError for
+    another one that does not.
+    """
+    fitting = dict[str, Any]()
+    for name, memory in memories.items():
+        if memory is None:
+            fitting[name] = None
+            continue
+        try:
+            fitting[name] = unpack(memory, agents[name].Memory)
+        except ValueError:
+            if name not in may_begin_anew:
+                raise
+    return fitting
 
 
 def _replan(memory: Any, before: Agent, after: Agent) -> bool:

@@ -8,7 +8,7 @@ obstacles.
 """
 
 import heapq
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import dropwhile, pairwise
 from math import hypot, inf
@@ -19,7 +19,7 @@ from orchard.field.geometry import Pose
 from orchard.field.kinds import KINDS
 from orchard.field.layout import Lane, Layout
 from orchard.field.machines import Machine
-from orchard.plans.robot import Step
+from orchard.plans.robot import Gate, Step
 from orchard.plans.route import OneWay, Side
 from orchard.plans.steps import DriveTo, Face, Free, Need
 
@@ -280,25 +280,28 @@ def _parts(drive: DriveTo, start: Pose) -> Iterator[tuple[DriveTo, str]]:
     axis = "y" if drive.x is None else "x"
     begin = getattr(start, axis)
     end = getattr(drive, axis)
-    ahead = 1.0 if end >= begin else -1.0
 
-    def is_behind(at: float, other: float) -> bool:
-        return ahead * (at - other) > 0.0
+    def along(at: float) -> float:
+        """Return a coordinate, m, that grows in the direction of the drive."""
+        return at if end >= begin else -at
 
-    needs = [
-        gate for gate in drive.needs if not is_behind(begin, gate.at) and is_behind(end, gate.at)
-    ]
-    cuts = sorted({gate.at for gate in needs if gate.at != begin}, key=lambda at: ahead * at)
+    needs = [gate for gate in drive.needs if along(begin) <= along(gate.at) < along(end)]
+    cuts = sorted({gate.at for gate in needs if gate.at != begin}, key=along)
     for first, last in pairwise([begin, *cuts, end]):
-        frees = [
-            gate
-            for gate in drive.frees
-            if not is_behind(gate.at, last) and (first == begin or is_behind(gate.at, first))
-        ]
-        here = [gate for gate in needs if gate.at == first]
-        there = [place for gate in needs if gate.at == last for place in gate.places]
-        part = structs.replace(drive, needs=here, frees=frees, **{axis: last})
-        yield part, there[0] if there else ""
+        # The first part also gives back what lies behind the start.
+        behind = -inf if first == begin else along(first)
+        frees = [gate for gate in drive.frees if behind < along(gate.at) <= along(last)]
+        needed_at_first = [gate for gate in needs if gate.at == first]
+        part = structs.replace(drive, needs=needed_at_first, frees=frees, **{axis: last})
+        yield part, _place_needed_at(last, needs)
+
+
+def _place_needed_at(at: float, gates: Sequence[Gate]) -> str:
+    """Return the first place that is needed at a coordinate of a drive; "" if none is."""
+    for gate in gates:
+        if gate.at == at and gate.places:
+            return gate.places[0]
+    return ""
 
 
 def _point(pose: Pose) -> tuple[float, float]:

@@ -369,10 +369,11 @@ def _work() -> str:
    letters below. The carrier [exchanges the bins](traffic.md#an-exchange-on-the-east-side), and
    takes the full one to the bay.
 5. Carrier and bin stand, with the bin's centre in the bay. After `handling.unloading` the
-   bin is empty. The bay works on one bin at a time. The carrier takes the empty bin back to its
-   line of the queue.
+   bin is empty, and counts as delivered. The bay works on one bin at a time. The carrier takes the
+   empty bin back to its line of the queue. With a `load_out` it is away from there: it stands for
+   itself in its line, takes no calls, and uses its battery as on the ways.
 6. The harvest is over when every row is picked, no bin is full, the carriers stand in the queue
-   with their bins and face east, and the pickers stand.
+   with their bins, back from the load-out, and face east, and the pickers stand.
 
 Physics alone decides what counts: motion, coupling, picking, unloading, and the end of a weed."""
     return _section("The work", text)

@@ -51,6 +51,9 @@ NULL_OR_NOT = (
     "picking.failure.mean_between",
     "carrying.failure.mean_between",
     "carrying.battery.hours",
+    "load_out.metres",
+    "load_out.speed",
+    "load_out.seconds_away",
 )
 
 # Pairs of names that are swapped: each name -> its partner.
@@ -328,9 +331,18 @@ def _take_over(
             getattr(world, field)[new_bodies] = value[old_bodies]
         else:
             setattr(world, field, value)
+    # Carriers on the way to the load-out are back as much earlier or later as it takes now.
+    longer = _haul_ticks(world) - _haul_ticks(before)
+    are_hauling = world.hauling > 0
+    world.hauling[are_hauling] = np.maximum(0, world.hauling[are_hauling] + longer)
     renumbered = dict(zip(old_bodies, new_bodies, strict=True))
     coupled = before.coupled[old_bodies].tolist()
     world.coupled[new_bodies] = [renumbered.get(body, NONE) for body in coupled]
+
+
+def _haul_ticks(world: World) -> int:
+    """Return for how many ticks a carrier of a world is away at the load-out."""
+    return world.layout.machines["carrier"].haul_ticks
 
 
 def _put_into_its_line(world: World, carrier: str, number: int) -> None:

@@ -53,6 +53,8 @@ MAY_CHARGE = 15
 CHARGE = 16
 # Charged.
 CHARGED = 17
+# Haul.
+HAUL = 18
 
 OP = np.dtype(
     [
@@ -71,7 +73,7 @@ OP = np.dtype(
         ("last_need", np.int64),
         ("first_free", np.int64),
         ("last_free", np.int64),
-        # For which it lasts on free roads, beside a drive.
+        # For which it lasts on free roads, beside a drive. Of HAUL: while the drive after it lasts.
         ("ticks", np.int64),
         # Of these, in which a bin is coupled or uncoupled.
         ("handles", np.int64),
@@ -199,7 +201,9 @@ ROBOT = np.dtype(
         # Tick at which it first asked that bin on this drive whether it is left; whether it is.
         ("bin_asked", np.int64),
         ("knows_left", np.bool_),
+        # Whether it has no job, once it is back from the load-out: the tick at which it is or was.
         ("is_free", np.bool_),
+        ("back", np.int64),
         ("is_ready", np.bool_),
         ("is_booked", np.bool_),
         # mm from its line's head when the dispatcher last asked; for a policy in Python m; for a
@@ -312,6 +316,7 @@ INDICES = (
     "due",
     "wish_beside",
     "exchange",
+    "back",
 )
 
 # -- sets of places of a robot, as bits
@@ -440,6 +445,8 @@ DESK = np.dtype(
         ("seconds_to_charge", np.float64),
         ("standing", np.float64),
         ("free_chargers", np.int64),
+        # The share of a battery that the way to the load-out and back uses.
+        ("haul_charge", np.float64),
         # m: the other sides of the queue.
         ("queue_west", np.float64),
         ("queue_south", np.float64),

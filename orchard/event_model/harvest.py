@@ -249,9 +249,10 @@ class EventHarvest:
 
     @property
     def drives(self) -> bool:
-        """Whether a robot is on its way, or charges: the harvest goes on."""
+        """Whether a robot is on its way, charges, or is at the load-out: the harvest goes on."""
         robots = self.model.robots
-        return bool(robots.is_charging.any() or np.any(robots.state == c.DRIVING))
+        is_any_away = np.any(c.QUARTERS * robots.back >= self.model.desk[0].now)
+        return bool(robots.is_charging.any() or np.any(robots.state == c.DRIVING) or is_any_away)
 
     @property
     def done(self) -> int:
@@ -286,7 +287,8 @@ class EventHarvest:
     def seconds(self) -> float:
         """The length of the harvest, s."""
         robots = self.model.robots
-        return float(np.minimum(robots.stood, robots.parked).max()) * TIME_STEP
+        stand = np.minimum(robots.stood, robots.parked)
+        return float(np.maximum(stand, robots.back).max()) * TIME_STEP
 
     @property
     def flat(self) -> list[str]:
@@ -295,8 +297,9 @@ class EventHarvest:
 
     @property
     def stood(self) -> dict[str, float]:
-        """The time since which each robot stands, s."""
-        ticks = self.model.robots["stood"].tolist()
+        """The time since which each robot stands, s, and is back from the load-out."""
+        robots = self.model.robots
+        ticks = np.maximum(robots.stood, robots.back).tolist()
         return {name: tick * TIME_STEP for name, tick in zip(self.names, ticks, strict=True)}
 
     def share_done(self, picker: str) -> float:

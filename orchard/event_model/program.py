@@ -240,14 +240,18 @@ class Program:
         `speeds`: m/s at which each row is picked.
         """
         total = 0.0
+        back = 0.0
         for op in self.ops.array[first:]:
             if op.kind == c.END:
                 break
+            if op.kind == c.HAUL:
+                back = total + op.ticks
+                continue
             total += op.ticks
             if op.kind == c.DRIVE:
                 speed = op.speed or speeds[op.arg]
                 total += op.metres / speed / TIME_STEP
-        return total
+        return max(total, back)
 
     def _metres_to(self, x: float, y: float, end: int) -> float:
         lane, side = divmod(end, 2)
@@ -428,6 +432,10 @@ class Program:
         self._append(step, c.UNLOAD, ticks=until_empty)
         # The carrier does not know at once that its bin is empty.
         self._append(step, c.PAUSE, ticks=step.ticks(writer.machine) - until_empty)
+
+    @_write.register
+    def _(self, step: st.Haul, writer: _Writer) -> None:
+        self._append(step, c.HAUL, ticks=writer.machine.haul_ticks)
 
     @_write.register
     def _(self, step: st.Home, writer: _Writer) -> None:

@@ -16,6 +16,7 @@ from orchard.event_model.known import COMPILED
 from orchard.event_model.program import Program
 from orchard.field.kinds import DISPATCH, EIGHTH, KINDS
 from orchard.field.layout import KEPT_LAYOUTS, Layout
+from orchard.field.machines import haul_charge
 from orchard.field.placement import Start
 from orchard.field.rows import Block
 from orchard.plans.routes import ROUTES
@@ -191,5 +192,6 @@ def _desk(layout: Layout, program: Program) -> Any:
     desk.battery_hours = battery.hours or inf
     desk.seconds_to_charge = battery.hours_to_charge * 3600.0
     desk.standing = battery.standing
+    desk.haul_charge = haul_charge(scenario, layout.machines["carrier"])
     desk.free_chargers = max(1, scenario.chargers)
     return desk

@@ -30,6 +30,15 @@ class Machine:
     exchange_ticks: int
     #: Ticks at rest in the bay until a bin is empty.
     unloading_ticks: int
+    #: Ticks for which a carrier that has unloaded drives to the load-out and back; 0: it does not.
+    haul_driving_ticks: int
+    #: Ticks for which it stands there.
+    haul_standing_ticks: int
+
+    @property
+    def haul_ticks(self) -> int:
+        """The ticks for which a carrier that has unloaded is away."""
+        return self.haul_driving_ticks + self.haul_standing_ticks
 
     @property
     def rest_before_coupling(self) -> int:
@@ -63,6 +72,7 @@ def machine_of(scenario: Scenario, kind: str) -> Machine:
         speed = scenario.picking.driving_speed
         turn = _radians(scenario.picking.turning)
     handling = scenario.handling
+    load_out = scenario.load_out
     return Machine(
         speed=speed,
         turn=turn,
@@ -70,7 +80,18 @@ def machine_of(scenario: Scenario, kind: str) -> Machine:
         uncoupling_ticks=_ticks(handling.uncoupling),
         exchange_ticks=_ticks(handling.exchange),
         unloading_ticks=_ticks(handling.unloading),
+        haul_driving_ticks=_ticks(load_out.seconds_on_the_way),
+        haul_standing_ticks=_ticks(load_out.seconds),
     )
+
+
+def haul_charge(scenario: Scenario, machine: Machine) -> float:
+    """Return the share of its battery that a carrier uses on the way to the load-out and back."""
+    battery = scenario.carrying.battery
+    if battery.hours is None:
+        return 0.0
+    driven = machine.haul_driving_ticks + battery.standing * machine.haul_standing_ticks
+    return driven * TIME_STEP / (3600.0 * battery.hours)
 
 
 def _radians(degrees: float) -> float:

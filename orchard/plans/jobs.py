@@ -26,6 +26,7 @@ from orchard.plans.steps import (
     DriveTo,
     FetchEmpty,
     Free,
+    Haul,
     LeaveBin,
     Need,
     Unload,
@@ -181,6 +182,7 @@ def _job(
         steps = route.fetch(first + 1, row, side, "", "")
         plans.append(list(timed_steps(steps, queue.place(first), carrier)))
     homes = [plan[-1].ends - begin_of(Unload, plan) for plan in plans]
+    backs = [_back(plan, carrier) - begin_of(Unload, plan) for plan in plans]
     counts = [
         layout.scenario.carrier_count - (0 if layout.first_charging else first) for first in lines
     ]
@@ -223,8 +225,21 @@ def _job(
         ticks(min(begin_of(Unload, plan) - begin_of(Deliver, plan) for plan in plans)),
         Unload().ticks(carrier),
         ticks(min(homes)),
-        ticks(min(home - room for home, room in zip(homes, behind, strict=True))),
+        ticks(
+            min(
+                max(home - room, back)
+                for home, room, back in zip(homes, behind, backs, strict=True)
+            )
+        ),
     )
+
+
+def _back(plan: Sequence[TimedStep], carrier: Machine) -> float:
+    """Return when a carrier is back from the load-out, s; when it unloads, if it does not go."""
+    for moment in plan:
+        if isinstance(moment.step, Haul):
+            return moment.begins + carrier.haul_ticks * TIME_STEP
+    return begin_of(Unload, plan)
 
 
 def _before(plan: Sequence[TimedStep], stop: float, until: float) -> list[Use]:

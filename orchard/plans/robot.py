@@ -425,6 +425,10 @@ class PlanExecutor:
         """
         self._until = self.seen.tick + min(ticks, MOST_HOLD)
 
+    def look_at(self, tick: int) -> None:
+        """Say that the present step must act again at a tick, whatever it holds."""
+        self._timers.append(tick)
+
     def next(self, steps: Sequence[Step]) -> None:
         """Insert steps right after the present one."""
         self.memory.plan[1:1] = steps

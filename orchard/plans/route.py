@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from orchard.field.kinds import KINDS
 from orchard.field.layout import EAST_START, Layout
+from orchard.field.machines import haul_charge
 from orchard.field.passes import Pass
 from orchard.field.queue import BESIDE, ONE_WAY, TOP_ROAD
 from orchard.field.rows import Block
@@ -236,6 +237,8 @@ class OneWay:
         for step in job:
             if isinstance(step, st.DriveTo) and not step.queueing:
                 steps += before_drive
+            elif isinstance(step, st.Home):
+                steps += self.haul()
             steps.append(step)
         return steps
 
@@ -598,6 +601,12 @@ class OneWay:
             *self.wait_in_queue(),
         ]
 
+    def haul(self) -> list[Step]:
+        """Return the steps of a carrier that has unloaded and is away, in its line of the queue."""
+        if not self.layout.scenario.load_out.is_given:
+            return []
+        return [st.Say("away at the load-out", "hauling"), st.Haul(self.queue.head)]
+
     def may_charge(self, carrier: int) -> list[Step]:
         """Return the step after a job, if carriers have batteries.
 
@@ -611,6 +620,7 @@ class OneWay:
         go_and_charge: list[Step] = [
             st.Say("driving to the chargers", "driving"),
             *self.go_to_line(place),
+            *self.haul(),
             st.Charge(),
             to_head,
             st.Charged(),
@@ -618,7 +628,10 @@ class OneWay:
             st.Say("waiting in the queue", "waiting"),
             to_head,
         ]
-        return [st.MayCharge(self.layout.scenario.carrying.battery.reserve, go_and_charge)]
+        scenario = self.layout.scenario
+        # What is left when it is back must not be less than the reserve.
+        used = haul_charge(scenario, self.layout.machines["carrier"])
+        return [st.MayCharge(scenario.carrying.battery.reserve + used, go_and_charge)]
 
     def go_to_line(self, place: int) -> list[Step]:
         """Drive from the bay to the tail of the line with this place, counted from 1."""

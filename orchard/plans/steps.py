@@ -682,6 +682,38 @@ class Unload(Step, frozen=True):
         return -(-self.ticks_until_empty(machine) // PATIENCE) * PATIENCE + ASK
 
 
+class Haul(Step, frozen=True):
+    """For carriers that have unloaded: be away at the load-out, as seen from the queue.
+
+    The carrier stands for itself in its line, and moves up there like those that wait. `Home`
+    after this step makes it free.
+    """
+
+    #: x of the line's head.
+    head: float
+    keeps_course: ClassVar[bool] = True
+
+    def act(self, robot: PlanExecutor) -> bool:
+        """Move up. Return whether the carrier is back from the load-out."""
+        back = robot.memory.since + robot.machine.haul_ticks
+        if robot.seen.tick >= back:
+            return True
+        self._moving_up.act(robot)
+        robot.look_at(back)
+        return False
+
+    def motion(self, start: Pose, machine: Machine) -> tuple[Pose, float]:
+        """Return the same pose, and the time for which it is away, s, less that of moving up, which
+        the drive after this step takes.
+        """
+        _, moving_up = self._moving_up.motion(start, machine)
+        return start, max(0.0, machine.haul_ticks * TIME_STEP - moving_up)
+
+    @property
+    def _moving_up(self) -> DriveTo:
+        return DriveTo(x=self.head, queueing=True)
+
+
 class Confirmed(Step, frozen=True):
     """For carriers, before they leave: go on only if the bin still wants the carrier.
 
@@ -772,7 +804,7 @@ else:
     AnyStep = (
         Say | DriveTo | Face | Realign | Ahead | MoveTo | Wait | Need | Free | Alone | Deliver
         | TakeBin | LeaveBin | FetchEmpty | Announce | BeginPickingAt | Fill | Aim | Shift | MayFail
-        | Repair | Unload | Confirmed | MayCharge | Charge | Charged | Home | Again
+        | Repair | Unload | Haul | Confirmed | MayCharge | Charge | Charged | Home | Again
     )  # fmt: skip
 
 

@@ -190,6 +190,7 @@ def _seconds(
     battery = carrying.battery
     repairs = carrying.failure.share * driven
     cycle, stands = job[-1].ends + repairs, _handling(job) + repairs
+    stands += layout.machines["carrier"].haul_standing_ticks * TIME_STEP
     charging = (
         battery.hours_to_charge
         * (cycle - stands + battery.standing * stands)

@@ -37,7 +37,7 @@ class HarvestFigures:
     #: Picker that has filled its bin -> tick since which it stands, or at which the bin was full.
     waiting_since: dict[str, int] = field(default_factory=dict)
     carrier_ticks: int = 0  # of all carriers
-    busy_ticks: int = 0  # of these, outside the queue
+    busy_ticks: int = 0  # of these, outside the queue, or away at the load-out
     charging_ticks: int = 0  # of all carriers
     flat_ticks: int = 0
     weeds_flattened: int = 0
@@ -48,7 +48,7 @@ class HarvestFigures:
     #: Picker or carrier -> steps of its plan that it has finished.
     steps: dict[str, int] = field(default_factory=dict)
     #: Tick of the last progress: something was picked, a step of work was done, a battery was
-    #: charged, or a robot was stopped.
+    #: charged, a carrier was away at the load-out, or a robot was stopped.
     progress_tick: int = 0
 
     def update(
@@ -65,9 +65,10 @@ class HarvestFigures:
                 self.broken.setdefault(name, world.tick - 1)
         queue = world.layout.queue.area
         self.carrier_ticks += len(world.fixed.carriers)
-        self.busy_ticks += sum(
-            not queue.contains(x, y) for x, y, _ in world.pose[world.fixed.carriers].tolist()
-        )
+        carriers = world.fixed.carriers
+        are_hauling = (world.hauling[carriers] > 0).tolist()
+        for (x, y, _), is_hauling in zip(world.pose[carriers].tolist(), are_hauling, strict=True):
+            self.busy_ticks += is_hauling or not queue.contains(x, y)
         if world.layout.first_charging:
             self.charging_ticks += int(np.count_nonzero(world.plugged))
             self.flat_ticks += int(np.count_nonzero(world.charge <= 0.0))
@@ -81,6 +82,7 @@ class HarvestFigures:
         """
         self.orders_refused += orders_refused(answers)
         has_progress = world.has_picked or world.is_any_stopped or world.is_any_plugged
+        has_progress |= world.is_any_hauling
         for name, action in answers.items():
             done = 0 if action is None else action.steps_done
             # Only haulers count steps. All others have done none.

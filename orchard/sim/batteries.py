@@ -1,5 +1,6 @@
 """The batteries of carriers: each is used with time, and charged at a charger.
 
+A carrier that is away at the load-out uses what the way there and back takes.
 A charger reaches each place of the charging lines. It goes to the carrier that stands there nearest
 to a head, and stays with it until the battery is full. A carrier that stands in the queue or in a
 charging line is off: it uses nothing. A carrier with a flat battery stands still.
@@ -12,8 +13,10 @@ import numpy as np
 
 from orchard.contract.events import Event, What
 from orchard.contract.messages import Deed
+from orchard.field.machines import haul_charge
 from orchard.field.queue import BESIDE
 from orchard.field.scenario import TIME_STEP
+from orchard.sim import hauls
 from orchard.sim.world import World
 
 HOUR = 3600.0  # s
@@ -68,6 +71,10 @@ def _use(world: World, stands: np.ndarray) -> np.ndarray:
     share = np.where(stands, battery.standing, 1.0)
     share[stands & is_in_queue] = 0.0
     used: np.ndarray = share * (TIME_STEP / HOUR / (battery.hours or np.inf))
+    if world.is_any_hauling:
+        carrier = world.layout.machines["carrier"]
+        away = hauls.are_away(world)[world.fixed.carriers]
+        used[away] += haul_charge(world.layout.scenario, carrier) / carrier.haul_ticks
     return used
 
 
@@ -86,6 +93,7 @@ def _with_chargers(world: World, stands: np.ndarray, charge: np.ndarray) -> np.n
     is_inside = is_in_line & (x >= area.west) & (x <= area.east)
     is_plugged: np.ndarray = world.plugged[world.fixed.carriers] & is_inside
     is_waiting = is_inside & stands & ~is_plugged & (charge < TOP_UP)
+    is_waiting &= world.hauling[world.fixed.carriers] == 0
     waiting = is_waiting.nonzero()[0]
     nearest_first = waiting[np.argsort(-x[waiting], kind="stable")]
     free_chargers = max(0, world.layout.scenario.chargers - int(is_plugged.sum()))

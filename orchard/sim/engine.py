@@ -363,6 +363,8 @@ def next_digest(
     arrays = [world.pose, world.coupled, world.fill, world.row_picked, world.alive, ranges]
     if world.layout.first_charging:
         arrays += [world.charge, world.plugged]
+    if world.layout.machines["carrier"].haul_ticks:
+        arrays.append(world.hauling)
     for array in arrays:
         sha.update(np.ascontiguousarray(array, dtype=_LITTLE[array.dtype.char]).data)
     for name in sorted(mail_digests):

@@ -12,7 +12,7 @@ from orchard.contract.events import Event
 from orchard.contract.messages import Deed
 from orchard.field.geometry import EAST, angle_between
 from orchard.field.kinds import kind_of
-from orchard.sim import batteries
+from orchard.sim import batteries, hauls
 from orchard.sim.deeds import do_deeds
 from orchard.sim.kernels.jit import in_order
 from orchard.sim.kernels.move import advance
@@ -70,6 +70,7 @@ def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> lis
         events += _unload(world)
     if world.layout.first_charging:
         events += batteries.advance(world)
+    hauls.advance(world)
     world.tick += 1
     return events
 
@@ -149,6 +150,7 @@ def _unload(world: World) -> list[Event]:
     world.bay_ticks[bin_] = 0
     world.delivered += 1
     name = world.layout.names[bin_]
+    hauls.begin(world, int(world.coupled[bin_]))
     carrier = world.layout.names[int(world.coupled[bin_])]
     return [Event(world.tick, "unloaded", name, carrier, f"bin number {world.delivered}")]
 
@@ -174,9 +176,11 @@ def is_at_rest(world: World, i: int) -> bool:
 def harvest_is_over(world: World) -> bool:
     """Whether all rows are picked, all bins are unloaded, and all robots stand at their ends.
 
-    Pickers stand anywhere, carriers in the queue with a bin.
+    Pickers stand anywhere, carriers in the queue with a bin, back from the load-out.
     """
     fixed = world.fixed
+    if world.is_any_hauling:
+        return False
     if False in world.rows_done.tolist() or max(world.fill.tolist()) >= fixed.bin_least:
         return False
     pickers = fixed.pickers.tolist()

@@ -196,6 +196,8 @@ class World:
         self.pick_from = np.full(n, ANYWHERE)
         # Of bins: ticks at rest in the bay since it last moved.
         self.bay_ticks = np.zeros(n, dtype=np.int64)
+        # Of carriers that have unloaded: ticks for which they will still be away at the load-out.
+        self.hauling = np.zeros(n, dtype=np.int64)
         # Bins unloaded, and the metres that were in them.
         self.delivered = 0
         self.delivered_metres = 0.0
@@ -261,6 +263,11 @@ class World:
     def is_any_stopped(self) -> bool:
         """Whether an emergency stop holds a robot."""
         return True in self.stopped.tolist()
+
+    @property
+    def is_any_hauling(self) -> bool:
+        """Whether a carrier is away at the load-out, or on its way from the bay to it."""
+        return bool(self.layout.machines["carrier"].haul_ticks) and bool(self.hauling.any())
 
     @property
     def is_any_plugged(self) -> bool:

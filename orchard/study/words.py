@@ -89,7 +89,18 @@ def _machine_words(scenario: Scenario) -> dict[str, str]:
     }
     if handling.exchange:
         words["handling.exchange"] = f"{handling.exchange:g} s with the empty bin"
-    return words
+    return words | _load_out_words(scenario)
+
+
+def _load_out_words(scenario: Scenario) -> dict[str, str]:
+    """Return how long carriers are away at the load-out, in words, by the key that says it."""
+    load_out = scenario.load_out
+    if load_out.seconds_away is not None:
+        return {"load_out.seconds_away": f"{load_out.seconds_away:g} s away at the load-out"}
+    if load_out.metres is None:
+        return {}
+    way = f"a load-out {load_out.metres:g} m away, {load_out.speed:g} m/s on the way to it"
+    return {"load_out.metres": way, "load_out.seconds": f"{load_out.seconds:g} s there"}
 
 
 def _rows_words(scenario: Scenario, varied: Collection[str]) -> str:

@@ -25,7 +25,7 @@ from orchard.sim.world import NONE
 # A robot that comes from such an op has just come to stand.
 MOVES = (c.DRIVE, c.TURN)
 # Such ops are over in the tick in which they begin.
-AT_ONCE = (c.BEGIN_ROW, c.END_ROW, c.FREE, c.HOME, c.MAY_CHARGE, c.CHARGE)
+AT_ONCE = (c.BEGIN_ROW, c.END_ROW, c.FREE, c.HAUL, c.HOME, c.MAY_CHARGE, c.CHARGE)
 
 
 class NotInPlanError(NotImplementedError):
@@ -157,6 +157,8 @@ class Robots:
             if decides is None or _has_step(memory, st.Charge):
                 # Its way is counted from here, up to its line of the queue.
                 me.more["away"] = self.tick
+        if isinstance(me.step, st.Haul):
+            self._be_away(me)
         return me
 
     def _op_that_let_charge(self, memory: Any, job_first: int) -> int | None:
@@ -173,6 +175,12 @@ class Robots:
     def _first_to_charge(self, decides: int | None) -> int | None:
         """Return the op at which a plan to charge begins, if a carrier has one."""
         return None if decides is None else int(self.ops.arg[decides])
+
+    def _be_away(self, me: Doing) -> None:
+        """Be away at the load-out for the rest of the time."""
+        me.more["is_free"] = True
+        me.more["away"] = c.NEVER
+        me.more["back"] = me.memory.since + self.layout.machines["carrier"].haul_ticks
 
     def _memory(self, name: str) -> Any:
         """Return what a robot remembers. Raises NotInPlanError if it is driven from elsewhere."""

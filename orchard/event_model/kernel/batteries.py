@@ -46,10 +46,11 @@ def note_rest(m, robot):
 
 
 @inner
-def end_job(m, carrier):
+def end_job(m, carrier, away):
     """Note what the job of a carrier took that has turned into its line of the queue.
 
-    A job counts from the queue's exit to the queue's exit, as if nobody stood in that line.
+    A job counts from the queue's exit to the queue's exit, as if nobody stood in that line. `away`:
+    ticks for which the carrier is away at the load-out from now on.
     """
     me = m.robots[carrier]
     if me.exchange == c.NONE:
@@ -57,23 +58,33 @@ def end_job(m, carrier):
     desk = m.desk[0]
     through = (desk.exit - me.x) / desk.carrier_speed / TIME_STEP
     exchange = m.exchanges[me.exchange]
-    exchange.carrier_ticks = tick_of(m) - me.away + through + CONFIRMED
+    exchange.carrier_ticks = tick_of(m) - me.away + max(away, through) + CONFIRMED
     used = me.charge_before - me.charge
     exchange.battery_used = used + through * TIME_STEP / HOUR / desk.battery_hours
     me.exchange = c.NONE
 
 
 @inner
-def end_trip(m, carrier):
-    """Count what a carrier's way took that ends in a line of the queue."""
-    use_battery(m, carrier, m.desk[0].standing)
-    end_job(m, carrier)
-    note_trip(m, carrier)
+def end_trip(m, carrier, away):
+    """Count what a carrier's way took that ends in a line of the queue. `away`: see `end_job`."""
+    end_job(m, carrier, away)
+    note_trip(m, carrier, away)
 
 
 @inner
-def note_trip(m, carrier):
-    """Note for how long a carrier was outside the queue, if it was."""
+def haul(m, carrier):
+    """Let a carrier that has unloaded, and is in its line, be away at the load-out for a time."""
+    me = m.robots[carrier]
+    away = m.ops[me.op].ticks
+    use_battery(m, carrier, m.desk[0].standing)
+    me.charge -= m.desk[0].haul_charge
+    me.back = tick_of(m) + away
+    end_trip(m, carrier, away)
+
+
+@inner
+def note_trip(m, carrier, away):
+    """Note for how long a carrier was outside the queue, if it was, or will be away."""
     me = m.robots[carrier]
     if me.away == c.NEVER:
         return
@@ -81,7 +92,7 @@ def note_trip(m, carrier):
     trip = m.trips[desk.trips]
     desk.trips += 1
     trip.since = me.away
-    trip.until = tick_of(m)
+    trip.until = tick_of(m) + away
     me.away = c.NEVER
 
 
@@ -103,10 +114,11 @@ def may_charge(m, carrier):
 def ask_for_charger(m, carrier):
     """Let a carrier charge once it stands in its charging line."""
     me = m.robots[carrier]
-    end_trip(m, carrier)
+    use_battery(m, carrier, m.desk[0].standing)
+    end_trip(m, carrier, 0)
     me.queue_line = m.ops[me.op].arg
     me.is_charged = False
-    m.timers[c.PARK, carrier] = m.desk[0].now + c.QUARTERS
+    m.timers[c.PARK, carrier] = c.QUARTERS * (max(tick_of(m), me.back) + 1)
 
 
 @inner

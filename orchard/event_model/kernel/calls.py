@@ -35,6 +35,12 @@ def can_leave(m, robot):
 
 
 @inner
+def is_home(m, robot):
+    """Whether a carrier has no job, and was back from the load-out before this tick."""
+    return m.robots[robot].is_free and tick_of(m) > m.robots[robot].back
+
+
+@inner
 def job_of(m, carrier, picker):
     """Return the op at which a carrier's job for a picker's call begins; NONE: it is not
     translated.
@@ -196,7 +202,7 @@ def hear_calls(m):
             m.bins[call.bin].since = call.since
             m.bins[call.bin].called = tick
     for carrier in range(len(m.robots)):
-        if m.robots[carrier].is_free and can_leave(m, carrier):
+        if is_home(m, carrier) and can_leave(m, carrier):
             offer(m, carrier, tick)
     for picker in range(len(m.robots)):
         if m.timers[c.CALL_HEARD, picker] == now:
@@ -270,7 +276,7 @@ def whole_millimetres(metres):
 def come(m, picker):
     """Let a bin send for the carrier that it chose. One that is busy by now is none."""
     carrier = m.calls[picker].carrier
-    if not m.robots[carrier].is_free:
+    if not is_home(m, carrier):
         m.timers[c.CALL_HEARD, picker] = m.desk[0].now + c.QUARTERS * 2
         return
     for name in range(len(m.bins)):
@@ -319,7 +325,7 @@ def dispatch(m):
     if desk.state == c.ABOUT_TO_ASK:
         for carrier in range(len(m.robots)):
             me = m.robots[carrier]
-            me.is_ready = me.is_free and not me.is_booked and can_leave(m, carrier)
+            me.is_ready = not me.is_booked and is_home(m, carrier) and can_leave(m, carrier)
             if me.is_ready:
                 # What it answers now counts at the decision.
                 me.answer = millimetres_to_head(m, carrier)
@@ -375,8 +381,9 @@ def note_answer_in_full(m, carrier):
     """
     me = m.robots[carrier]
     heard = m.desk[0].asked + 1 - BOOKED_TICKS
-    me.is_told = not me.is_booked and (me.is_free or me.sent <= heard)
-    me.told_job = c.NONE if me.is_free else me.job_bin
+    has_no_job = is_home(m, carrier)
+    me.is_told = not me.is_booked and (has_no_job or me.sent <= heard)
+    me.told_job = c.NONE if has_no_job else me.job_bin
     me.answer = max(0.0, m.desk[0].head - x_now(m, carrier))
 
 

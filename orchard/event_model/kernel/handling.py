@@ -1,7 +1,7 @@
 """Bins: a picker leaves the full one and takes the empty one that a carrier has brought."""
 
 from orchard.event_model import columns as c
-from orchard.event_model.kernel.batteries import end_trip
+from orchard.event_model.kernel.batteries import end_trip, use_battery
 from orchard.event_model.kernel.calls import call_carriers
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.motion import set_alarm
@@ -207,7 +207,8 @@ def deliver(m):
 def come_home(m, carrier):
     """Be free for the next call."""
     me = m.robots[carrier]
-    end_trip(m, carrier)
+    use_battery(m, carrier, m.desk[0].standing)
+    end_trip(m, carrier, 0)
     if m.ops[me.op].arg != c.NONE:
         me.queue_line = m.ops[me.op].arg
     me.is_free = True

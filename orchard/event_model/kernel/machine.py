@@ -47,6 +47,7 @@ from orchard.event_model.kernel.batteries import (
     ask_for_charger,
     await_charge,
     end_charging,
+    haul,
     may_charge,
     park,
 )
@@ -227,6 +228,9 @@ def begin(m, robot):
         return await_bin(m, robot)
     if kind == c.HOME:
         come_home(m, robot)
+        return True
+    if kind == c.HAUL:
+        haul(m, robot)
         return True
     if kind == c.MAY_CHARGE:
         return may_charge(m, robot)

@@ -49,6 +49,7 @@ from orchard.field.scenario.sections import (
     Crop,
     Handling,
     LaserSettings,
+    LoadOut,
     People,
     Picking,
     Prices,
@@ -165,6 +166,7 @@ class Scenario(Section):
     handling: Annotated[
         Handling, Field(description="for how long bins are handled"), CIRCUMSTANCE
     ] = Handling()
+    load_out: Annotated[LoadOut, Field(description="where full bins go from the bay")] = LoadOut()
     chargers: Annotated[int, Field(ge=0, le=MOST_CARRIERS, description=CHARGERS), CHOICE] = 1
     seed: Annotated[
         int,
@@ -377,6 +379,7 @@ class Scenario(Section):
         )
         self._demand_that_no_row_is_faster_than_a_picker()
         self._demand_days_for_their_prices()
+        self._demand_a_battery_for_the_load_out()
         if self.route in QUEUES:
             self._demand_room_in_the_queue()
         return self
@@ -386,6 +389,22 @@ class Scenario(Section):
         for key in self.prices.by_the_day:
             text = "a price for a day needs a day: set shift.begin and shift.end"
             self._demand(self.shift.is_set, text, f"prices.{key}", "shift.begin", "shift.end")
+
+    def _demand_a_battery_for_the_load_out(self) -> None:
+        """A carrier comes back from the load-out with more than its reserve, if it left full."""
+        battery = self.carrying.battery
+        if battery.hours is None:
+            return
+        load_out = self.load_out
+        driven = load_out.seconds_on_the_way + battery.standing * load_out.seconds
+        used = driven / (3600.0 * battery.hours)
+        text = (
+            f"a way to the load-out and back uses {used:.2g} of a battery; must be less than"
+            f" {1.0 - battery.reserve:.2g}, what is above the reserve"
+        )
+        key = "metres" if load_out.seconds_away is None else "seconds_away"
+        keys = ("carrying.battery.hours", "carrying.battery.reserve", f"load_out.{key}")
+        self._demand(used < 1.0 - battery.reserve, text, *keys)
 
     def _demand_room_in_the_queue(self) -> None:
         """The queue has places for all carriers."""

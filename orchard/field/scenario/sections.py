@@ -218,6 +218,74 @@ class Handling(Section):
     unloading: Annotated[float, Field(ge=5.0, le=300.0, description=UNLOADING)] = 5.0
 
 
+METRES_TO_LOAD_OUT = (
+    "way from the bay to the load-out, m; null: no load-out, or seconds_away says it"
+)
+SPEED_TO_LOAD_OUT = "speed on the way to the load-out and back, m/s; null: as metres"
+SECONDS_AT_LOAD_OUT = "time at the load-out, s"
+SECONDS_AWAY = (
+    "time for which a carrier is away at the load-out, s, ways included; its battery counts all of"
+    " it as driven; null: no load-out, or metres say it"
+)
+
+
+class LoadOut(Section):
+    """Where full bins go from the bay: a carrier that has unloaded there is away for a time.
+
+    Either the way and the speed, or the time; neither: a carrier that has unloaded is home.
+    """
+
+    metres: Annotated[
+        float | None, Field(ge=1.0, le=5000.0, description=METRES_TO_LOAD_OUT), CIRCUMSTANCE
+    ] = None
+    speed: Annotated[
+        float | None, Field(ge=0.5, le=15.0, description=SPEED_TO_LOAD_OUT), CIRCUMSTANCE
+    ] = None
+    seconds: Annotated[
+        float, Field(ge=0.0, le=3600.0, description=SECONDS_AT_LOAD_OUT), CIRCUMSTANCE
+    ] = 0.0
+    seconds_away: Annotated[
+        float | None, Field(ge=0.0, le=7200.0, description=SECONDS_AWAY), CIRCUMSTANCE
+    ] = None
+
+    @property
+    def is_given(self) -> bool:
+        """Whether there is a load-out."""
+        return self.metres is not None or self.seconds_away is not None
+
+    @property
+    def seconds_on_the_way(self) -> float:
+        """The time of the way to the load-out and back, s."""
+        if self.seconds_away is not None:
+            return self.seconds_away
+        if self.metres is None or self.speed is None:
+            return 0.0
+        return 2.0 * self.metres / self.speed
+
+    @model_validator(mode="after")
+    def _one_way_to_say_it(self) -> "LoadOut":
+        """Check that there is the way, or the time, and not half of one."""
+        self._demand(
+            (self.metres is None) == (self.speed is None),
+            "must be set together: the way to the load-out and the speed on it",
+            "metres",
+            "speed",
+        )
+        self._demand(
+            self.metres is None or self.seconds_away is None,
+            "at most one of both can be set: metres, speed and seconds, or seconds_away alone",
+            "metres",
+            "seconds_away",
+        )
+        self._demand(
+            self.seconds == 0.0 or self.metres is not None,
+            "has no effect without metres and speed; seconds_away is the whole time",
+            "seconds",
+            "metres",
+        )
+        return self
+
+
 class LaserSettings(Section):
     """Settings of all lasers."""
 

@@ -1,0 +1,291 @@
+"""A load-out: carriers that have unloaded are away for a time, in the simulator and in the event
+model alike.
+"""
+
+from collections.abc import Iterator
+from random import Random
+from statistics import fmean
+from typing import Any
+
+import pytest
+from local_runs import start_afresh
+from quiet import NOBODY, laid_out
+
+from orchard.discrete.harvest import DiscreteHarvest
+from orchard.event_model.begun.begin import begin_at
+from orchard.event_model.begun.moment import RunMoment
+from orchard.field.kinds import HAULERS, kind_of
+from orchard.field.layout import Layout, lay_out
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import Scenario, parse
+from orchard.local import Local
+from orchard.report.bounds import Bounds, lost_seconds, proven_seconds
+from orchard.study.words import orchard_words
+
+SMALL: dict[str, Any] = NOBODY | {
+    "rows": 4,
+    "pickers": 2,
+    "carriers": 2,
+    "row_length": 24.0,
+    "dispatch": "nearest",
+}
+AWAY = {"seconds_away": 100.0}
+
+
+def small(**values: Any) -> Layout:
+    return lay_out(Scenario.model_validate(SMALL | values))
+
+
+def harvested(layout: Layout) -> Local:
+    """Return a harvest that is done in the simulator. No robot collides, and none jams."""
+    run = Local(layout.scenario)
+    while not run.ended:
+        run.tick()
+    assert run.ended == "harvested", run.jam
+    collided = zip(layout.names, run.engine.world.collisions.tolist(), strict=True)
+    assert not [name for name, count in collided if count and kind_of(name) in HAULERS]
+    return run
+
+
+def simulated(layout: Layout) -> float:
+    return harvested(layout).engine.world.seconds
+
+
+def modelled(layout: Layout) -> float:
+    return DiscreteHarvest(layout).run().seconds
+
+
+def run_until_away(layout: Layout) -> Local:
+    """Return a run in which a carrier has just begun to be away."""
+    run = Local(layout.scenario)
+    while "away at the load-out" not in doings(run):
+        run.tick()
+        assert not run.ended
+    return run
+
+
+def doings(run: Local) -> list[str]:
+    return [run.actions[name].doing for name in run.actions if kind_of(name) == "carrier"]
+
+
+# -- both models
+
+
+def load_outs(seed: int, count: int) -> Iterator[Layout]:
+    """Yield small orchards with load-outs, drawn at random."""
+    chances = Random(f"load-out {seed}")
+
+    def drawn() -> dict[str, Any]:
+        time_away: dict[str, Any] = {"seconds_away": float(chances.randint(0, 400))}
+        if chances.random() < 0.5:
+            time_away = {
+                "metres": float(chances.randint(1, 800)),
+                "speed": round(chances.uniform(1.0, 8.0), 1),
+                "seconds": float(chances.randint(0, 90)),
+            }
+        return NOBODY | {
+            "rows": chances.randint(3, 5),
+            "row_length": float(chances.randint(20, 30)),
+            "pickers": chances.randint(2, 3),
+            "carriers": chances.randint(1, 6),
+            "picking_speed": chances.choice([1.0, 0.4, 0.15]),
+            "route": chances.choice(["one-way", "two-way"]),
+            "dispatch": chances.choice(["nearest", "predictive", "rolling", "assignment"]),
+            "seed": chances.randint(1, 1000),
+            "load_out": time_away,
+        }
+
+    return laid_out(drawn, count)
+
+
+def errors(seed: int, count: int) -> list[float]:
+    """Return by which share the event model differs, of so many drawn harvests; a bound holds."""
+    shares = []
+    for layout in load_outs(seed, count):
+        run = harvested(layout)
+        world = run.engine.world
+        proven = proven_seconds(layout)
+        assert proven is not None
+        assert proven <= world.seconds
+        rate = world.delivered / world.seconds
+        assert rate <= Bounds(layout).bins_per_hour / 3600.0
+        shares.append(abs(modelled(layout) / world.seconds - 1.0))
+    return shares
+
+
+def test_both_models_agree_about_load_outs() -> None:
+    assert fmean(errors(1, 5)) <= 0.005
+
+
+@pytest.mark.soak
+def test_soak_both_models_agree_about_thirty_load_outs() -> None:
+    shares = errors(2, 30)
+    print(f"mean {fmean(shares):.5f}, most {max(shares):.5f}")
+    assert fmean(shares) <= 0.005
+
+
+@pytest.mark.parametrize("chargers", [1, 2])
+def test_both_models_agree_about_batteries_and_a_load_out(chargers: int) -> None:
+    layout = small(
+        rows=6,
+        pickers=3,
+        carriers=3,
+        chargers=chargers,
+        carrying={"battery": {"hours": 0.25, "hours_to_charge": 0.05}},
+        load_out={"metres": 150.0, "speed": 5.0, "seconds": 60.0},
+    )
+    assert modelled(layout) == pytest.approx(simulated(layout), rel=0.01)
+
+
+# -- what it means
+
+
+def test_a_harvest_ends_when_the_last_carrier_is_back() -> None:
+    """With a carrier for each bin nobody waits for one: the harvest is as much longer as the last
+    carrier is away. One that moves up its line meanwhile stands there when it is back.
+    """
+    usual = small(rows=3, pickers=3, carriers=3)
+    away = small(rows=3, pickers=3, carriers=3, load_out=AWAY)
+    assert simulated(away) == pytest.approx(simulated(usual) + 100.0, abs=15.0)
+    assert modelled(away) == pytest.approx(simulated(away), abs=1.0)
+
+
+def test_a_carrier_that_is_away_takes_no_call() -> None:
+    run = run_until_away(small(load_out=AWAY))
+    away = next(
+        name
+        for name, action in run.actions.items()
+        if kind_of(name) == "carrier" and action.doing == "away at the load-out"
+    )
+    begun = run.engine.tick
+    while run.actions[away].doing == "away at the load-out":
+        assert run.actions[away].state == "hauling"
+        assert run.memories[away].job is not None
+        run.tick()
+    assert run.engine.tick - begun == pytest.approx(1000, abs=2)
+
+
+def test_a_carrier_that_is_away_is_busy_and_no_jam() -> None:
+    """All robots wait for the one carrier, for longer than makes a jam."""
+    layout = small(rows=3, carriers=1, load_out={"seconds_away": 700.0})
+    run = harvested(layout)
+    run.engine.account()
+    assert run.engine.world.seconds > 2100.0
+    model = DiscreteHarvest(layout).run()
+    assert model.seconds == pytest.approx(run.engine.world.seconds, rel=0.002)
+    assert model.carrier_utilisation() > 0.95
+
+
+def test_a_way_to_the_load_out_uses_the_battery() -> None:
+    """60 s of driving there and back, and 100 s of standing at a fifth of the power."""
+    values = {"carriers": 1, "carrying": {"battery": {"hours": 2.0}}}
+    near = harvested(small(**values)).engine.world
+    far = harvested(
+        small(**values, load_out={"metres": 90.0, "speed": 3.0, "seconds": 100.0})
+    ).engine.world
+    carrier = near.fixed.carriers[0]
+    used = near.charge[carrier] - far.charge[carrier]
+    assert used * 7200.0 == pytest.approx(4 * (60.0 + 0.2 * 100.0), abs=0.5)
+
+
+def test_limit_and_losses_know_the_load_out() -> None:
+    usual = small()
+    away = small(load_out=AWAY)
+    longer = Bounds(away).cycle_seconds - Bounds(usual).cycle_seconds
+    assert 80.0 < longer <= 100.0
+    seconds = simulated(away)
+    parts = lost_seconds(away, seconds)
+    assert sum(parts.values()) == pytest.approx(seconds, abs=0.5)
+    assert parts["optimum"] > lost_seconds(usual, simulated(usual))["optimum"] + 90.0
+    assert parts["traffic"] < 0.1 * seconds
+
+
+def test_the_answer_says_how_long_carriers_are_away() -> None:
+    assert "260 s away at the load-out" in orchard_words(
+        Scenario.model_validate({"load_out": {"seconds_away": 260.0}})
+    )
+    assert "a load-out 400 m away, 4 m/s on the way to it, 60 s there" in orchard_words(
+        Scenario.model_validate({"load_out": {"metres": 400.0, "speed": 4.0, "seconds": 60.0}})
+    )
+    assert "load-out" not in orchard_words(Scenario())
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("{metres: 400}", "load_out.metres = 400.0, load_out.speed = None: must be set together"),
+        ("{speed: 4}", "must be set together: the way to the load-out and the speed on it"),
+        ("{metres: 400, speed: 4, seconds_away: 260}", "at most one of both can be set: metres"),
+        ("{seconds: 60}", "has no effect without metres and speed; seconds_away is the whole"),
+        ("{seconds_away: 8000}", "from 0.0 to 7200.0"),
+        ("{metres: 400, speed: 100}", "from 0.5 to 15.0"),
+    ],
+)
+def test_half_a_load_out_or_two_of_them_are_refused(text: str, words: str) -> None:
+    with pytest.raises(ScenarioError, match="load_out") as refusal:
+        parse(f"load_out: {text}")
+    assert words in str(refusal.value)
+
+
+def test_a_way_that_empties_a_battery_is_refused() -> None:
+    with pytest.raises(ScenarioError, match=r"uses 1.1 of a battery; must be less than 0\.8"):
+        parse("{load_out: {seconds_away: 400}, carrying: {battery: {hours: 0.1}}}")
+
+
+# -- moments of a run
+
+
+def test_a_run_goes_on_equally_from_the_middle_of_a_haul() -> None:
+    run = run_until_away(small(load_out=AWAY))
+    for _ in range(300):
+        run.tick()
+    again = Local.resume(run.snapshot())
+    start_afresh(again)
+    while not run.ended:
+        run.tick()
+        again.tick()
+        assert again.engine.hash == run.engine.hash
+    assert again.ended == run.ended
+
+
+def test_a_fork_in_the_middle_of_a_haul_takes_the_other_time() -> None:
+    run = run_until_away(small(load_out=AWAY))
+    for _ in range(300):
+        run.tick()
+    away = next(
+        name
+        for name, action in run.actions.items()
+        if action.doing == "away at the load-out"
+        and run.engine.tick - run.memories[name].since > 200
+    )
+    sooner = run.fork(**{"load_out.seconds_away": 20.0})
+    for _ in range(2):
+        sooner.tick()
+    assert sooner.actions[away].doing == "waiting in the queue"
+    again = Local.resume(sooner.snapshot())
+    while not sooner.ended:
+        sooner.tick()
+        again.tick()
+    assert again.engine.hash == sooner.engine.hash
+    while not run.ended:
+        run.tick()
+    assert sooner.engine.tick < run.engine.tick - 500
+
+
+def test_a_fork_cannot_add_a_load_out() -> None:
+    run = Local(small().scenario)
+    run.tick()
+    with pytest.raises(ScenarioError, match=r"load_out\.seconds_away.*cannot change under way"):
+        run.fork(**{"load_out.seconds_away": 20.0})
+
+
+def test_the_event_model_goes_on_from_the_middle_of_a_haul() -> None:
+    run = run_until_away(small(load_out=AWAY))
+    models = []
+    while not run.ended:
+        if run.engine.tick % 371 == 0:
+            moment = RunMoment(run.engine.world, run.memories, run.post.written)
+            models.append(begin_at(moment).run().seconds)
+        run.tick()
+    assert len(models) > 8
+    assert models == pytest.approx([run.engine.world.seconds] * len(models), abs=1.0)

@@ -58,8 +58,8 @@ The scenario says what is given. People and animals are those of the default orc
 {command}
 ```
 
-It needs the extra `study` ([install](how-to.md#install)). On two cores that many other programs used
-too it took {took}, and printed this:
+It needs the extra `study` ([install](how-to.md#install)). On two cores that many other programs
+used too it took {took}, and printed this:
 
 ```text
 {output}

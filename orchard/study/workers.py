@@ -20,6 +20,7 @@ from concurrent.futures import (
 )
 from contextlib import contextmanager
 from functools import partial
+from itertools import islice
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from signal import SIG_BLOCK, SIG_SETMASK, SIGINT, pthread_sigmask
@@ -33,6 +34,8 @@ GLANCE = 0.2  # s between two looks whether to stop
 # them.
 MOST_DEATHS = 3
 CONNECTING = 10.0  # s to wait for a scheduler
+# Work that waits in an executor for the next worker that is free.
+ONE_AHEAD = 1
 # Environment variable of Python: no folder is put on the path.
 SAFE_PATH = "PYTHONSAFEPATH"
 # s that the clocks of two machines may be apart: a worker gives up a run of the simulator by its
@@ -83,19 +86,22 @@ class Workers:
     def _done(
         self, work: Callable[[Item], Result], items: Mapping[int, Item], goes_on: Callable[[], bool]
     ) -> Iterator[tuple[int, Result]]:
-        """Yield the number of each item with its result. Raises BrokenExecutor if a worker dies."""
+        """Yield the number of each item with its result. Raises BrokenExecutor if a worker dies.
+
+        The executor gets no more than it can begin soon. So nothing has to be cancelled at a stop:
+        the pool of Python 3.11 fails in its own thread if a worker dies then.
+        """
+        waiting = iter(list(items.items()))
         pending: dict[Future[Result], int] = {}
-        try:
-            for number, item in items.items():
+        while goes_on():
+            for number, item in islice(waiting, self.count + ONE_AHEAD - len(pending)):
                 # This too fails if a worker has died meanwhile.
                 pending[self.executor.submit(work, item)] = number
-            while pending and goes_on():
-                for future in wait(pending, GLANCE, FIRST_COMPLETED).done:
-                    result = future.result()
-                    yield pending.pop(future), result
-        finally:
-            for future in pending:
-                future.cancel()
+            if not pending:
+                return
+            for future in wait(pending, GLANCE, FIRST_COMPLETED).done:
+                result = future.result()
+                yield pending.pop(future), result
 
 
 # -- on this machine

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -98,6 +99,23 @@ def test_stop_does_not_wait_for_long_work(tmp_path):
             list(workers.do(slow, [told], lambda: not told.exists() or not told.read_text())) == []
         )
     eventually(lambda: is_gone(int(told.read_text())))
+
+
+def test_a_worker_that_is_killed_at_the_stop_is_no_failure(tmp_path, monkeypatch):
+    """Whoever stops a study may end its workers too. The thread of Python's pool fails then if work
+    is left that was cancelled.
+    """
+    failures = []
+    monkeypatch.setattr(threading, "excepthook", failures.append)
+    told = [tmp_path / str(number) for number in NUMBERS]
+    with processes(1) as workers:
+        executor: Any = workers.executor
+        done = workers.do(slow, told, lambda: not told[0].exists() or not told[0].read_text())
+        assert list(done) == []
+        ended = executor._executor_manager_thread
+        os.kill(int(told[0].read_text()), signal.SIGTERM)
+        ended.join(PATIENCE)
+    assert failures == []
 
 
 def test_workers_end_with_a_parent_that_is_killed(tmp_path):

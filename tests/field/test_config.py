@@ -68,9 +68,7 @@ def test_carts_bring_the_fruit_of_the_same_people_in_smaller_bins() -> None:
     people = load(CONFIG / "hand_picking.yaml")
     carts = load(CONFIG / "cart_robots.yaml")
     assert carts.crop.tonnes_per_hectare == people.crop.tonnes_per_hectare
-    picked = [
-        each.chosen["picking_rate"] * each.crop.kilograms_per_bin for each in (people, carts)
-    ]
+    picked = [each.chosen["picking_rate"] * each.crop.kilograms_per_bin for each in (people, carts)]
     assert picked[1] == pytest.approx(picked[0], rel=0.01)
     # Five miles an hour.
     assert carts.carrying.speed == pytest.approx(5 * 1609.344 / 3600, rel=0.02)

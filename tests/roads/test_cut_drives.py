@@ -1,0 +1,36 @@
+"""Drives are cut where a vehicle may have to wait: the parts of one, and what they give back."""
+
+import pytest
+
+from orchard.field.geometry import Pose
+from orchard.plans.robot import Gate
+from orchard.plans.steps import DriveTo
+from orchard.roads.graph import _parts
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_drive_is_cut_at_the_gates_ahead_of_it(direction):
+    """From 0 m to 10 m: each gate belongs to one part, and those beyond the end to none."""
+
+    def gates(**places: float) -> list[Gate]:
+        return [Gate([place], direction * at) for place, at in places.items()]
+
+    drive = DriveTo(
+        x=direction * 10.0,
+        needs=gates(behind=-2.0, start=0.0, middle=4.0, end=10.0),
+        frees=gates(left=-1.0, before=3.0, there=4.0, after=5.0, reached=10.0, beyond=11.0),
+    )
+    (first, waits_for), (second, waits_no_more) = _parts(drive, Pose(0.0, 7.0, 0.0))
+    assert waits_for == "middle"
+    assert first.x == direction * 4.0
+    assert first.needs == gates(start=0.0)
+    assert first.frees == gates(left=-1.0, before=3.0, there=4.0)
+    assert waits_no_more == ""
+    assert second.x == direction * 10.0
+    assert second.needs == gates(middle=4.0)
+    assert second.frees == gates(after=5.0, reached=10.0)
+
+
+def test_a_drive_without_gates_stays_whole():
+    drive = DriveTo(y=-3.0)
+    assert list(_parts(drive, Pose(1.0, 2.0, 0.0))) == [(drive, "")]

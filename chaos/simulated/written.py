@@ -11,7 +11,7 @@ from chaos.simulated.schedule import Schedule
 from orchard.contract.events import Event, Frame, LetterEvent
 from orchard.wire.keys import LOGGER, PHYSICS
 
-Said = tuple[int, str, str]  # of an event: its tick, what happened, and who did it
+Said = tuple[int, str, str]  # of an event: its tick, what happened, and the body that did it
 
 
 def faults_of_tables(schedule: Schedule, summary: dict[str, Any]) -> Iterator[str]:

@@ -12,7 +12,7 @@ from orchard.roads.lif import lif_of
 from orchard.roads.pickers import graphs_of
 from orchard.terminal.files import KindOfFile
 
-# What stands in a map as who has made it.
+# The maker that a map names.
 CREATOR = "the Orchard"
 MAP = KindOfFile("a map", rb'\{\n "metaInformation": \{.*"creator": "the Orchard"')
 

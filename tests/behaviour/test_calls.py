@@ -234,7 +234,7 @@ def test_a_picker_with_a_bin_tells_why_it_takes_no_other(brought, why):
 
 
 def test_only_the_head_of_a_line_is_sent():
-    """Only the head of a line is sent so that nobody who stays stands before it."""
+    """Only the head of a line is sent: no carrier that stays may stand before it."""
     stage = Stage(calling_orchard(rows=6, pickers=6, carriers=6))
     stage.run_to_the_end()
     order = [event.who for event in stage.happened("uncoupled") if event.who.startswith("carrier")]

@@ -25,7 +25,7 @@ Outline = Callable[[float], tuple[float, float]]
 
 
 def drawn_block(random: Random) -> Scenario:
-    """Draw a block of four to eight rows, and who harvests it."""
+    """Draw a block of four to eight rows, and the robots that harvest it."""
     spacing = random.choice([3.65, 4.57, 6.0, 9.0])
     souths = [0.0]
     for number in range(random.randint(3, 7)):

@@ -94,7 +94,7 @@ def fleet(clock):
 
 
 def test_who_dies_is_started_again_with_options_of_a_restart(fleet, clock):
-    """Who dies is started again at once with the options of a restart."""
+    """A process that dies is started again at once with the options of a restart."""
     first = RunOptions(run="a")
     again = RunOptions(run="a", resume=True)
     fleet.start(
@@ -194,7 +194,7 @@ def test_whose_run_is_over_or_who_need_not_live_is_left_alone(fleet):
 
 
 def test_who_has_written_its_result_is_not_started_again(fleet, tmp_path):
-    """Who has written its result is not started again whatever ends it."""
+    """A process that has written its result is not started again, whatever ends it."""
     result = tmp_path / "result"
     fleet.start(ProcessSpec(PHYSICS, "orchard.processes.physics", [], again=True, result=result))
     fleet.children[-1].die()
@@ -247,7 +247,7 @@ def test_what_is_refused_may_pass_and_is_tried_for_half_a_minute(fleet, clock):
 
 
 def test_who_fails_its_first_order_is_not_started_again(fleet, clock):
-    """Whose first order is bad is not started again but it is later."""
+    """A process whose first order is bad is not started again; later it is."""
     fleet.start(
         ProcessSpec("physics", "orchard.processes.physics", [], again=True, may_refuse=False)
     )

@@ -263,7 +263,7 @@ def test_a_publisher_knows_whether_another_session_subscribes(net):
 
 @on_both
 def test_a_watcher_learns_of_earlier_tokens_and_changes(net):
-    """Who watches learns of tokens from before and of each change."""
+    """A session that watches learns of tokens from before and of each change."""
     one = net.client()
     other = net.client()
     one.declare_alive("alive/x/1")

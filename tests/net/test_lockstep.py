@@ -444,7 +444,7 @@ def test_a_get_that_nobody_answers_ends_without_a_reply():
 
 
 def test_who_asks_does_something_while_nobody_answers():
-    """Who asks does something meanwhile although nobody answers.
+    """A session that asks does something meanwhile although nothing answers.
 
     A host looks whether physics is gone.
     """

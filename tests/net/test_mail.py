@@ -285,7 +285,7 @@ def test_an_answer_that_comes_again_counts_once():
 
 
 def test_an_equal_answer_counts_anew_after_a_takeover():
-    """An equal answer counts anew for who has taken the agent again."""
+    """An equal answer counts anew if its session has taken the agent again."""
     answers = LockstepBarrier(roster(("picker_01", "a")), Clock())
     answers.open(3)
     answers.take("picker_01", *action())

@@ -24,7 +24,7 @@ from orchard.server.figures import RunFigures
 
 
 def test_ten_minutes_of_nothing_are_a_jam_with_names():
-    """A run in which nothing goes on for ten minutes is jammed and names who waits for whom."""
+    """After ten minutes of nothing a run is jammed, and names which robot waits for which."""
     idle = {f"carrier_0{i}": Standing() for i in (1, 2)}
     stage = Stage(empty_orchard(), **idle)
     took = stage.run_until(lambda: bool(stage.account.jam), 900)

@@ -184,7 +184,7 @@ def test_letters_are_told_once_beside_a_bare_velocity():
 
 
 def test_who_answers_in_time_has_longer_than_who_was_late():
-    """Who answers in time has a moment longer than the tick and who was late has less."""
+    """A client that answers in time has a moment longer than the tick; a late one has less."""
     one, clock = live(("picker_01", "a"), ("bin_01", "b"))
     one.open(0)
     assert one.deadline == pytest.approx(clock.now + STEP + SLACK)

@@ -89,7 +89,7 @@ def test_a_host_that_sleeps_too_long_joins_when_it_wakes(fleet, tmp_path):
 
 
 def test_who_was_given_up_is_refused_until_it_joins(fleet):
-    """What one says late who was given up is refused until it joins again."""
+    """What a session says after it was given up is refused until it joins again."""
     fleet.physics(SMALL, "--speed", "5", "--patience", "1")
     someone = fleet.client()
     lost, figures, clock = (someone.hear(f"orchard/{key}") for key in ("lost", "figures", "clock"))
@@ -162,7 +162,7 @@ def test_physics_with_a_torn_snapshot_begins_anew_and_says_so(fleet, undisturbed
 
 @pytest.mark.parametrize(("seconds", "is_there"), [(10.0, True), (20.0, False)])
 def test_holders_of_agents_are_waited_for_while_they_come_back(fleet, tmp_path, seconds, is_there):
-    """Who held agents is waited for as long as one after another comes back."""
+    """Sessions that held agents are waited for as long as one after another comes back."""
     keeping = killed_with_snapshots(fleet, tmp_path)
     for host in fleet.hosts:
         end(host)

@@ -199,7 +199,7 @@ def test_a_folder_that_cannot_be_made_is_no_reason_not_to_start(tmp_path, caplog
 
 
 def test_a_reader_beside_a_writer_never_sees_a_part(tmp_path, caplog):
-    """Who reads while another process writes never sees a part."""
+    """A process that reads while another one writes never sees a part."""
     program = (
         "import sys; from pathlib import Path; from orchard.sim.kernels.cache import KernelFiles\n"
     )

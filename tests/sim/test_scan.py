@@ -87,9 +87,8 @@ def test_a_fence_3_m_ahead_is_seen_at_3_m():
 
 
 def test_ranges_count_counter_clockwise_from_the_right():
-    world = world_of(
-        ("worker", Pose(0, 0, math.pi / 2)), walls=[(3.0, 0.275, 1.0, 1.0)]
-    )  # east of one who faces north
+    # The worker faces north, and the wall is east of it.
+    world = world_of(("worker", Pose(0, 0, math.pi / 2)), walls=[(3.0, 0.275, 1.0, 1.0)])
     assert scan_of(world)[0] == pytest.approx(2.0, abs=1e-6)
     assert np.isinf(scan_of(world)[90:]).all()
 

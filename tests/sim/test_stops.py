@@ -94,7 +94,7 @@ def test_a_word_that_means_no_robot_stops_nobody(driven, word):
 
 
 def test_who_is_stopped_is_not_stopped_again(driven):
-    """Who is stopped already is not stopped again and a reset of others does not concern it."""
+    """A stopped robot is not stopped again, and a reset of others does not concern it."""
     engine = driven.local.engine
     engine.stop(["picker"])
     assert engine.stop(["picker_01"]) == []

@@ -8,7 +8,8 @@ import ipaddress
 import socket
 from contextlib import suppress
 
-LOOPBACK, SECURE_LOOPBACK = "tcp/127.0.0.1:0", "tls/127.0.0.1:0"
+LOOPBACK = "tcp/127.0.0.1:0"
+SECURE_LOOPBACK = "tls/127.0.0.1:0"
 # Environment variable: how Zenoh shares its work among threads.
 RUNTIME = "ZENOH_RUNTIME"
 # The thread that waits for a message handles it, instead of two more threads that it would wake.

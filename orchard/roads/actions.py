@@ -29,11 +29,17 @@ class VehicleAction:
         return ["HARD"] if self.scope == "NODE" else ["NONE", "SINGLE"]
 
     def is_done_at(self, node: str) -> bool:
+        """Whether it can be done at this node, or on an edge to it."""
         return fnmatch(node, self.nodes)
 
 
-PICK, DROP, HAND_OVER, UNLOAD, HARVEST = "pick", "drop", "handOver", "unload", "harvest"
-ACTIONS: Mapping[str, Mapping[str, VehicleAction]] = {  # by kind of vehicle
+PICK = "pick"
+DROP = "drop"
+HAND_OVER = "handOver"
+UNLOAD = "unload"
+HARVEST = "harvest"
+# Kind of vehicle -> name of an action -> the action.
+ACTIONS: Mapping[str, Mapping[str, VehicleAction]] = {
     "carrier": {
         PICK: VehicleAction(
             "*/bin/*", True, "couple the bin loadId, which stands right behind the vehicle"

@@ -6,7 +6,7 @@ stands with its bin; `*/wait/*`, beyond the roads; `*/aside/*`, where it holds u
 `*/park/*`, where it stays. Where a picker starts in the west there is `west/in/*` too.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 from orchard.contract.messages import BinState, StateRequest
@@ -23,12 +23,15 @@ class Weigh(Step, frozen=True):
     """Ask the bin on the bar whether it is full."""
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Ask the bin, if there is one. Return whether it has answered."""
         if robot.seen.hitch is None:
             return True
         answer = robot.ask(robot.seen.hitch.name, StateRequest())
         if isinstance(answer, BinState):
-            duty = robot.duty  # type: ignore[attr-defined]  # of a driver by orders
-            duty.is_laden, duty.fill = answer.full, answer.fill
+            # The robot is a driver by orders.
+            duty = robot.duty  # type: ignore[attr-defined]
+            duty.is_laden = answer.full
+            duty.fill = answer.fill
         return isinstance(answer, BinState)
 
 
@@ -38,6 +41,7 @@ class FreeWithout(Step, frozen=True):
     places: list[str]
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Give the places back, or keep them for the bin. Return that the step is done."""
         if robot.seen.hitch is None:
             robot.free(self.places)
         return True
@@ -45,85 +49,121 @@ class FreeWithout(Step, frozen=True):
 
 def graphs_of(layout: Layout) -> list[Graph]:
     """Return the roads of each kind of vehicle in an orchard."""
-    return [graph_of(layout, route_of(layout)), graph_of_pickers(layout, route_of(layout))]
+    route = route_of(layout)
+    return [graph_of(layout, route), graph_of_pickers(layout, route)]
 
 
 def graph_of_pickers(layout: Layout, route: OneWay) -> Graph:
     """Return the roads of pickers, by the route of an orchard."""
-    starts = [block.rows[0] for block in layout.blocks.values() if block.start == "west"]
-    edges = [_through(route, route.west, row, f"west/in/{row}") for row in starts]
-    edges += [
-        edge
-        for lane in layout.lanes
-        for side in route.sides.values()
-        for edge in _edges_at(layout, route, lane.number, side)
-    ]
-    nodes = {name: _node(layout, route, name) for edge in edges for name in (edge.start, edge.end)}
-    stations = {
-        f"row/{lane.number}": tuple(name for name in nodes if name.endswith(f"/{lane.number}"))
-        for lane in layout.lanes
-    }
-    joined = {(edge.start, edge.end): _measured(edge, nodes) for edge in edges}
-    return Graph("picker", nodes, joined, (), stations)
+    edges = list[Edge]()
+    for block in layout.blocks.values():
+        if block.start == "west":
+            first_row = block.rows[0]
+            edges.append(_through(route, route.west, first_row, f"west/in/{first_row}"))
+    for lane in layout.lanes:
+        for side in route.sides.values():
+            edges += _edges_at(layout, route, lane.number, side)
+    nodes = dict[str, Node]()
+    for edge in edges:
+        for name in (edge.start, edge.end):
+            nodes[name] = _node(layout, route, name)
+    stations = {f"row/{lane.number}": _nodes_at_row(lane.number, nodes) for lane in layout.lanes}
+    return Graph(
+        kind="picker",
+        nodes=nodes,
+        edges={(edge.start, edge.end): _measured(edge, nodes) for edge in edges},
+        lines=(),
+        stations=stations,
+    )
+
+
+def _nodes_at_row(row: int, names: Iterable[str]) -> tuple[str, ...]:
+    """Return the names of the nodes at both ends of a row."""
+    return tuple(name for name in names if name.endswith(f"/{row}"))
 
 
 def _edges_at(layout: Layout, route: OneWay, row: int, side: Side) -> Iterator[Edge]:
-    """The ways from the places at one end of a row."""
-    out, wait, aside, park = (
-        f"{side.name}/{place}/{row}" for place in ("out", "wait", "aside", "park")
-    )
-    place = [side.place("D", row)]
-    yield Edge(out, wait, 0.0, (*route.drive_out(row, side), FreeWithout(place)))
+    """Yield the edges that begin at one end of a row. `_measured` gives them their length."""
+    out = f"{side.name}/out/{row}"
+    wait = f"{side.name}/wait/{row}"
+    aside = f"{side.name}/aside/{row}"
+    park = f"{side.name}/park/{row}"
+    places = [side.place("D", row)]
+    yield _edge(out, wait, *route.drive_out(row, side), FreeWithout(places))
     yield _through(route, side, row, wait)
-    off = Need(place), Face(side.heading("EAST"))
-    yield Edge(wait, park, 0.0, (*off, *route.park(row, side)))
-    yield Edge(
-        wait, aside, 0.0, (*off, DriveTo(x=side.x(route.PARKING_CLEAR)), Face("SOUTH"), Free(place))
-    )
-    yield Edge(aside, wait, 0.0, (Face(side.heading("WEST")), DriveTo(x=side.x(route.WAITING))))
+    towards_roads = (Need(places), Face(side.heading("EAST")))
+    yield _edge(wait, park, *towards_roads, *route.park(row, side))
+    clear_of_roads = DriveTo(x=side.x(route.PARKING_CLEAR))
+    yield _edge(wait, aside, *towards_roads, clear_of_roads, Face("SOUTH"), Free(places))
+    yield _edge(aside, wait, Face(side.heading("WEST")), DriveTo(x=side.x(route.WAITING)))
     if row < len(layout.lanes):
-        steps = route.go_to_next_row(row, row + 1, side)
-        over = next(i for i, step in enumerate(steps) if isinstance(step, DriveTo)) + 1
-        yield Edge(wait, f"{side.name}/wait/{row + 1}", 0.0, tuple(steps[:over]))
+        yield _edge(wait, f"{side.name}/wait/{row + 1}", *_over_to_next_row(route, row, side))
+
+
+def _edge(start: str, end: str, *steps: Step) -> Edge:
+    """Return an edge whose length is not known yet."""
+    return Edge(start, end, length=0.0, steps=steps)
+
+
+def _over_to_next_row(route: OneWay, row: int, side: Side) -> list[Step]:
+    """Return the first steps to the next row, up to the first drive: it ends beside that row."""
+    steps = list[Step]()
+    for step in route.go_to_next_row(row, row + 1, side):
+        steps.append(step)
+        if isinstance(step, DriveTo):
+            return steps
+    raise ValueError(f"row {row}: the route has no drive from it to the next one")
 
 
 def _through(route: OneWay, side: Side, row: int, start: str) -> Edge:
-    """The way through a row, from one side of it to the other."""
-    other = route.west if side is route.east else route.east
+    """Return the edge through a row, from one side of it to the other."""
+    opposite = route.west if side is route.east else route.east
     turn_in = route.go_to_next_row(row, row, side) if "/wait/" in start else []
-    one = pass_at(row, other, route.end(row, side), route.end(row, other))
-    return Edge(
-        start,
-        f"{other.name}/out/{row}",
-        0.0,
-        (*turn_in, *route.pick(one, came_over=bool(turn_in)), Weigh()),
-    )
+    whole_row = pass_at(row, opposite, route.end(row, side), route.end(row, opposite))
+    pick = route.pick(whole_row, came_over=bool(turn_in))
+    return _edge(start, f"{opposite.name}/out/{row}", *turn_in, *pick, Weigh())
 
 
 def pass_at(
     row: int, side: Side, begin: float, stop: float, fill: float = 0.0, is_full: bool = False
 ) -> Pass:
-    """A pass that ends on a side, as the route knows passes.
+    """Return a pass that ends on a side, as the route knows passes.
 
-    Where the bin is left, fleet control says.
+    `begin`, `stop`: where picking begins and ends, x in the frame `map`, m. `fill`: of the bin at
+    its end, m of picked row. Fleet control says where the bin is left.
     """
     return Pass(
-        row, "east" if side.sign > 0 else "west", begin, stop, False, fill, is_full, False, True
+        row=row,
+        end="east" if side.sign > 0 else "west",
+        begin=begin,
+        stop=stop,
+        is_inside=False,
+        fill=fill,
+        is_full=is_full,
+        leaves_bin=False,
+        ends_row=True,
     )
 
 
 def _node(layout: Layout, route: OneWay, name: str) -> Node:
-    side, what, row = name.split("/")
-    lane, here, beyond = (
-        layout.lane(int(row)),
-        route.sides[side],
-        {"wait": route.WAITING, "aside": route.PARKING_CLEAR, "park": route.PARKED},
-    )
-    return Node(
-        name, here.x(beyond[what]) if what in beyond else route.end(lane.number, here), lane.y
-    )
+    """Return a node for its name, such as east/wait/3."""
+    side_name, kind, row = name.split("/")
+    lane = layout.lane(int(row))
+    side = route.sides[side_name]
+    match kind:
+        case "wait":
+            x = side.x(route.WAITING)
+        case "aside":
+            x = side.x(route.PARKING_CLEAR)
+        case "park":
+            x = side.x(route.PARKED)
+        case _:
+            x = route.end(lane.number, side)
+    return Node(name, x, lane.y)
 
 
 def _measured(edge: Edge, nodes: Mapping[str, Node]) -> Edge:
-    start, end = nodes[edge.start], nodes[edge.end]
+    """Return an edge with its length: pickers drive along x or y only."""
+    start = nodes[edge.start]
+    end = nodes[edge.end]
     return replace(edge, length=abs(end.x - start.x) + abs(end.y - start.y))

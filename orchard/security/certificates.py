@@ -28,7 +28,8 @@ T = TypeVar("T")
 # A certificate is valid before it is made: another machine's clock may be behind.
 EARLIER = timedelta(hours=1)
 PEM = serialization.Encoding.PEM
-SERVES, CALLS = ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH
+SERVES = ExtendedKeyUsageOID.SERVER_AUTH
+CALLS = ExtendedKeyUsageOID.CLIENT_AUTH
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,8 @@ class GrowingTable:
 
     def __init__(self, folder: Path, schema: pa.Schema, until: int) -> None:
         """Rows from tick `until` on are of an earlier attempt, and are removed. Raises OSError."""
-        self.schema, self._folder = schema, folder
+        self.schema = schema
+        self._folder = folder
         folder.mkdir(parents=True, exist_ok=True)
         for torn in half_written(folder, PART):
             torn.unlink()
@@ -66,7 +67,8 @@ class GrowingTable:
         self._newest = pa.concat_tables([self._newest, rows])
         write_table(self._part(self._number), self._newest)
         if len(self._newest) >= MOST_ROWS:
-            self._newest, self._number = self.schema.empty_table(), self._number + 1
+            self._newest = self.schema.empty_table()
+            self._number += 1
 
     def finish(self) -> None:
         """Leave a file without rows if there is none, so that the table has its columns.

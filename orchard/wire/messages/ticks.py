@@ -115,7 +115,8 @@ class Report(Action, omit_defaults=True):
         x, y, turn = self.twist
         if not (abs(x) <= FASTEST and abs(y) <= FASTEST and abs(turn) <= FASTEST):
             raise ValueError(f"{self.twist}: each number must be from {-FASTEST:g} to {FASTEST:g}")
-        self.doing, self.waits_for = printable(self.doing), printable(self.waits_for)
+        self.doing = printable(self.doing)
+        self.waits_for = printable(self.waits_for)
 
 
 class Velocities(Message):

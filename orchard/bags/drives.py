@@ -29,7 +29,8 @@ class RecordingError(Exception):
     """
 
 
-State = tuple[float, float, float, float]  # x, y (m), z and w of the quaternion, in the frame `map`
+# x and y (m), z and w of the quaternion, in the frame `map`.
+State = tuple[float, float, float, float]
 
 
 @dataclass
@@ -43,28 +44,27 @@ class Drives:
     names: list[str]  #: of all bodies, in the order of the layout
     first: int = 0  #: the first tick
     last: int = 0  #: the newest tick
-    gaps: list[tuple[int, int]] = field(
-        default_factory=list
-    )  #: (last tick before, first tick after) of what is not recorded
+    #: (last tick before, first tick after) of what is not recorded
+    gaps: list[tuple[int, int]] = field(default_factory=list)
     left_out: int = 0  #: ticks that are not recorded besides, because the logger was too slow
     is_torn: bool = False  #: whether the end of a part is missing
     poses: dict[int, dict[str, State]] = field(default_factory=dict)  #: tick -> body -> its pose
-    velocities: dict[int, dict[str, Velocities]] = field(
-        default_factory=dict
-    )  #: tick of the step's end -> body -> done and wanted
-    points: dict[int, dict[str, np.ndarray]] = field(
-        default_factory=dict
-    )  #: tick -> body -> (m, 2) m, what its laser hit, in its frame
+    #: tick of the step's end -> body -> done and wanted
+    velocities: dict[int, dict[str, Velocities]] = field(default_factory=dict)
+    #: tick -> body -> (m, 2) m, what its laser hit, in its frame
+    points: dict[int, dict[str, np.ndarray]] = field(default_factory=dict)
 
     def ticks(self) -> Iterator[tuple[int, Mapping[str, State], Mapping[str, Velocities]]]:
         """Yield for each recorded tick its number, and pose and velocities of every body that was
         seen so far.
         """
-        poses, velocities = dict[str, State](), dict[str, Velocities]()
+        poses = dict[str, State]()
+        velocities = dict[str, Velocities]()
         for tick in range(self.first, self.last + 1):
             poses |= self.poses.get(tick, {})
             velocities |= self.velocities.get(tick, {})
-            if not any(since < tick < until for since, until in self.gaps):
+            is_recorded = not any(before < tick < after for before, after in self.gaps)
+            if is_recorded:
                 yield tick, poses, velocities
 
 
@@ -78,7 +78,8 @@ def read_drives(recording: Path, with_scans: bool = False) -> Drives:
         raise RecordingError(f"{recording}: no such recording")
     drives: Drives | None = None
     for file in parts:
-        if (known := read_part(file)) is None:
+        known = read_part(file)
+        if known is None:
             raise RecordingError(
                 f"{file}: it cannot be read: it is no recording, or too much of it is missing"
             )
@@ -96,16 +97,21 @@ def read_drives(recording: Path, with_scans: bool = False) -> Drives:
             f"{recording}: it has no pose of any body: the run ended within its first second, or"
             " too much is missing"
         )
-    drives.first, drives.last = min(drives.poses), max(drives.poses)
+    drives.first = min(drives.poses)
+    drives.last = max(drives.poses)
     return drives
 
 
 def _chunks_of(file: Path, with_scans: bool) -> list[Chunk]:
-    wanted = [POSES, f"/{VELOCITIES}", f"/{SCENARIO}", *([f"/{SCANS}**"] if with_scans else [])]
-    return list(RrdReader(file).stream().filter(content=[f"+ {entity}" for entity in wanted]))
+    """Return the parts of a file that tell of bodies and of the scenario."""
+    entities = [POSES, f"/{VELOCITIES}", f"/{SCENARIO}"]
+    if with_scans:
+        entities.append(f"/{SCANS}**")
+    return list(RrdReader(file).stream().filter(content=[f"+ {entity}" for entity in entities]))
 
 
 def _scenario_in(file: Path, chunks: list[Chunk]) -> Scenario:
+    """Return the scenario of a recording. Raises RecordingError if it has none."""
     for chunk in chunks:
         if chunk.entity_path == f"/{SCENARIO}":
             (text,) = column(chunk, "TextDocument:text")[0]
@@ -116,39 +122,61 @@ def _scenario_in(file: Path, chunks: list[Chunk]) -> Scenario:
 
 
 def _take(drives: Drives, chunk: Chunk) -> None:
+    """Add to the drives what a part of a recording tells of them."""
     path = chunk.entity_path
     if path == POSES:
         _take_poses(drives, chunk)
     elif path == f"/{VELOCITIES}":
-        for tick, body, velocities in zip(
-            ticks_of(chunk), column(chunk, "body"), column(chunk, "velocities"), strict=True
-        ):
-            drives.velocities.setdefault(tick, {})[drives.names[body[0]]] = tuple(velocities)
+        _take_velocities(drives, chunk)
     elif path.startswith(f"/{SCANS}") and not chunk.is_static:
-        for tick, points in zip(ticks_of(chunk), column(chunk, "Points3D:positions"), strict=True):
-            places = np.array(points or [], dtype=np.float64).reshape(-1, 3)
-            drives.points.setdefault(tick, {})[path.removeprefix(f"/{SCANS}")] = places[:, :2]
+        _take_scans(drives, chunk, body=path.removeprefix(f"/{SCANS}"))
 
 
 def _take_poses(drives: Drives, chunk: Chunk) -> None:
-    columns = (
-        column(chunk, f"Transform3D:{name}")
-        for name in ("child_frame", "translation", "quaternion")
+    """Add poses: each row has a list of one frame, one translation and one quaternion."""
+    rows = zip(
+        ticks_of(chunk),
+        column(chunk, "Transform3D:child_frame"),
+        column(chunk, "Transform3D:translation"),
+        column(chunk, "Transform3D:quaternion"),
+        strict=True,
     )
-    for tick, frames, places, turns in zip(ticks_of(chunk), *columns, strict=True):
-        (x, y, _), (_, _, z, w) = places[0], turns[0]
-        drives.poses.setdefault(tick, {})[frames[0]] = x, y, z, w
+    for tick, frames, translations, quaternions in rows:
+        x, y, _ = translations[0]
+        _, _, z, w = quaternions[0]
+        drives.poses.setdefault(tick, {})[frames[0]] = (x, y, z, w)
+
+
+def _take_velocities(drives: Drives, chunk: Chunk) -> None:
+    """Add velocities: each row has a list of one body, by its place in the layout."""
+    rows = zip(ticks_of(chunk), column(chunk, "body"), column(chunk, "velocities"), strict=True)
+    for tick, bodies, velocities in rows:
+        name = drives.names[bodies[0]]
+        drives.velocities.setdefault(tick, {})[name] = tuple(velocities)
+
+
+def _take_scans(drives: Drives, chunk: Chunk, body: str) -> None:
+    """Add what the laser of a body hit. A row without points is a scan that hit nothing."""
+    rows = zip(ticks_of(chunk), column(chunk, "Points3D:positions"), strict=True)
+    for tick, points in rows:
+        hits = np.array(points or [], dtype=np.float64).reshape(-1, 3)
+        drives.points.setdefault(tick, {})[body] = hits[:, :2]
 
 
 def ranges_of(points: np.ndarray, laser: Laser, every: int) -> np.ndarray:
-    """Return the ranges of every `every`-th beam, m, float32, +inf without a return, from the
-    points that it hit, (m, 2) m.
+    """Return the ranges of every `every`-th beam from the points that it hit.
+
+    `points`: (m, 2) m, in the frame of the body. Ranges: m, float32, +inf without a return.
     """
-    beams = math.ceil(laser.beams / every)
-    ranges = np.full(beams, np.inf, dtype=np.float32)
-    x, y = points[:, 0] - laser.ahead, points[:, 1]
-    numbers = np.clip(
-        np.round((np.arctan2(y, x) - laser.first) / (laser.increment * every)), 0, beams - 1
-    ).astype(int)
-    np.minimum.at(ranges, numbers, np.minimum(np.hypot(x, y), LASER_RANGE).astype(np.float32))
+    beam_count = math.ceil(laser.beams / every)
+    ranges = np.full(beam_count, np.inf, dtype=np.float32)
+    # From the laser, which is ahead of the body's centre.
+    x = points[:, 0] - laser.ahead
+    y = points[:, 1]
+    angles = np.arctan2(y, x) - laser.first
+    nearest_beams = np.round(angles / (laser.increment * every))
+    beams = np.clip(nearest_beams, 0, beam_count - 1).astype(int)
+    distances = np.minimum(np.hypot(x, y), LASER_RANGE).astype(np.float32)
+    # Of points at the same beam the nearest counts.
+    np.minimum.at(ranges, beams, distances)
     return ranges

@@ -39,7 +39,8 @@ class Bag(AbstractContextManager["Bag"]):
     """A bag that is written. If the context ends with an error, no file is left. Raises OSError."""
 
     def __init__(self, file: Path) -> None:
-        self._file, self.count = file, 0
+        self._file = file
+        self.count = 0
         self._store = get_typestore(Stores.ROS2_JAZZY)
         self._folder = TemporaryDirectory(dir=file.parent, prefix=f".{file.name}.")
         self._writer = Writer(

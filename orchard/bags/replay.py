@@ -47,17 +47,19 @@ class Replayed:
 
     def __init__(self, agent: Agent, velocities: Mapping[int, Twist]) -> None:
         self.Memory = agent.Memory
-        self._agent, self._velocities = agent, velocities
+        self._agent = agent
+        self._velocities = velocities
 
     def tick(self, seen: Observation, mail: Mail, memory: Any) -> Action:
         action = self._agent.tick(seen, mail, memory)
         return replace(action, twist=self._velocity(seen.tick, action.twist), hold=None)
 
     def _velocity(self, tick: int, otherwise: Twist) -> Twist:
-        newest = next(
-            (at for at in range(tick, tick - KEPT_TICKS, -1) if at in self._velocities), None
-        )
-        return otherwise if newest is None else self._velocities[newest]
+        """Return the newest velocity of the last KEPT_TICKS ticks; `otherwise` if there is none."""
+        for earlier in range(tick, tick - KEPT_TICKS, -1):
+            if earlier in self._velocities:
+                return self._velocities[earlier]
+        return otherwise
 
 
 def replayed(agents: Mapping[str, Agent], commands: Commands) -> dict[str, Agent]:
@@ -80,7 +82,8 @@ def read_commands(bag: Path, from_first_stamp: bool = False) -> Commands:
     topics = set[str]()
     stamped = dict[str, list[tuple[int, Twist]]]()
     for connection, time, message in _messages(bag, topics):
-        if robot := _robot_of(connection.topic, connection.msgtype):
+        robot = _robot_of(connection.topic, connection.msgtype)
+        if robot:
             stamp = _stamp_of(message, time)
             where = f"{bag}: {connection.topic}, at {stamp / 1e9:.1f} s"
             stamped.setdefault(robot, []).append((stamp, _twist_of(message, where)))
@@ -108,34 +111,40 @@ def _check_velocities(bag: Path, velocities: Mapping[str, Any], topics: set[str]
     """Raise ValueError for a bag without a velocity. `topics`: those that it has."""
     if not velocities:
         wanted = "the topic /NAME/cmd_vel of a robot, of type TwistStamped or Twist"
-        there = (
-            f"its topics are {printable(', '.join(sorted(topics)), 500)}"
-            if topics
-            else "it has no topics"
-        )
+        there = "it has no topics"
+        if topics:
+            there = f"its topics are {printable(', '.join(sorted(topics)), 500)}"
         raise ValueError(f"{bag}: it has no velocity; expected {wanted}; {there}")
 
 
 def _messages(bag: Path, topics: set[str]) -> Iterator[tuple[Connection, int, Any]]:
-    """Yield the velocities and scenarios of a bag: connection, time in ns, message; fill in all its
-    topics.
+    """Yield the velocities and scenarios of a bag: connection, time in ns, message.
+
+    Adds all topics of the bag to `topics`. Raises ValueError if the bag cannot be read.
     """
     try:
         with AnyReader([bag if bag.is_dir() else regular(bag)]) as reader:
-            topics |= {f"{known.topic} ({known.msgtype})" for known in reader.connections}
-            wanted = [
-                known
-                for known in reader.connections
-                if known.topic == f"/{SCENARIO.name}" or _robot_of(known.topic, known.msgtype)
-            ]
-            for connection, time, data in (
-                reader.messages(wanted) if wanted else ()
-            ):  # of no connections it would yield all
+            wanted = list[Connection]()
+            for connection in reader.connections:
+                topics.add(f"{connection.topic} ({connection.msgtype})")
+                is_scenario = connection.topic == f"/{SCENARIO.name}"
+                if is_scenario or _robot_of(connection.topic, connection.msgtype):
+                    wanted.append(connection)
+            if not wanted:
+                # Without a connection the reader would yield all messages.
+                return
+            for connection, time, data in reader.messages(wanted):
                 yield connection, time, reader.deserialize(data, connection.msgtype)
-    except Exception as error:  # a damaged file lets its library raise any, such as KeyError
-        fault = getattr(error, "strerror", None) or str(error) or type(error).__name__
-        why = f"it cannot be read as a bag: {fault}" if bag.exists() else "no such file or folder"
+    except Exception as error:
+        # A damaged file lets its library raise any, such as KeyError.
+        why = _why_unreadable(error) if bag.exists() else "no such file or folder"
         raise ValueError(f"{bag}: {why}; expected {A_BAG}") from error
+
+
+def _why_unreadable(error: Exception) -> str:
+    """Return why a bag cannot be read, from the error of its library."""
+    fault = getattr(error, "strerror", None) or str(error) or type(error).__name__
+    return f"it cannot be read as a bag: {fault}"
 
 
 def _scenario(text: str, source: str) -> Scenario:
@@ -147,7 +156,8 @@ def _scenario(text: str, source: str) -> Scenario:
 
 def check_robots(bag: Path, commands: Commands, names: Mapping[str, int]) -> None:
     """Raise ValueError if the bag drives bodies that are not in the orchard."""
-    if unknown := sorted(commands.velocities.keys() - names.keys()):
+    unknown = sorted(commands.velocities.keys() - names.keys())
+    if unknown:
         robots = [name for name in names if kind_of(name) in VEHICLES]
         drives = (
             f"it drives {printable(', '.join(unknown), 500)}, not in this orchard: its robots are"

@@ -31,7 +31,7 @@ $(VENV)/installed-study: $(VENV)/installed
 	touch $@
 
 $(VENV)/installed-dev: $(VENV)/installed
-	$(INSTALL) '.[app,secure,study,optimum,gym,survey,tables,ros2-export,dev]' --editable bridges/ros2 --editable bridges/vda5050
+	$(INSTALL) '.[app,secure,study,optimum,gym,survey,gis,tables,ros2-export,dev]' --editable bridges/ros2 --editable bridges/vda5050
 	touch $@ $(VENV)/installed-app $(VENV)/installed-study
 
 $(VENV)/installed-docs: $(VENV)/installed

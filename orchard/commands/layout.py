@@ -20,12 +20,13 @@ from orchard.terminal.exits import exit_on_errors, needs_extra
 from orchard.terminal.group import LazyGroup
 from orchard.terminal.output import print_error, print_line
 
-_ROWS = "Rows as lines or polygons, or trees as points."
+_ROWS = "GeoJSON, KML, CSV, GeoPackage or Shapefile of rows, trees or an outline."
 _SYSTEM = "Their coordinate system, such as EPSG:2193. Default: the one that the file names."
 _NEW_SCENARIO = "A new file for the scenario. Default: stdout."
 _PLAN = "Draw the orchard."
 _LINES = "What the lines are. Default: lanes; points are trees."
 _SWAP = "The file has the northing, or the latitude, first."
+_LAYER = "The layer of a GeoPackage that has the rows."
 _BLOCK = "Only the rows of this block."
 _WITHOUT = "A feature that is no row (repeatable)."
 _DIRECTION = "Of rows in an outline: clockwise from north."
@@ -38,6 +39,7 @@ NewScenario = Annotated[Path | None, Option("--out", metavar="SCENARIO.yaml", he
 Plan = Annotated[Path | None, Option("--plan", metavar="FILE.svg", help=_PLAN)]
 LinesAre = Annotated[Lines | None, Option("--lines", help=_LINES)]
 Swap = Annotated[bool | None, Option("--swap-coordinates/--keep-coordinates", help=_SWAP)]
+Layer = Annotated[str | None, Option("--layer", metavar="NAME", help=_LAYER)]
 OnlyBlock = Annotated[str | None, Option("--block", metavar="NAME", help=_BLOCK)]
 Without = Annotated[list[str] | None, Option("--without", metavar="NAME", help=_WITHOUT)]
 Direction = Annotated[
@@ -71,6 +73,7 @@ def write_scenario(
     crs: System = None,
     lines: LinesAre = None,
     swap_coordinates: Swap = None,
+    layer: Layer = None,
     block: OnlyBlock = None,
     without: Without = None,
     spacing: Spacing = None,
@@ -82,6 +85,7 @@ def write_scenario(
         crs=crs,
         lines=lines,
         swap_coordinates=swap_coordinates,
+        layer=layer,
         block=block,
         without=tuple(without or ()),
         spacing=spacing,
@@ -119,7 +123,7 @@ def _place(imported: Imported) -> str:
     east = "W" if imported.longitude < 0 else "E"
     return (
         f"middle at {abs(imported.latitude):.5f} {north}, {abs(imported.longitude):.5f} {east};"
-        f" rows run {imported.direction:.1f} degrees clockwise from grid north"
+        f" rows run {imported.direction:.1f} degrees clockwise from north"
     )
 
 

@@ -1,14 +1,18 @@
 """Reads a file of rows by what it holds, whatever its name is; says what another file is."""
 
-from pathlib import Path
+from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
 
 from orchard.field.problems import Problem, ScenarioError
 from orchard.folders import regular
 from orchard.surveys.features import SurveyFile
 from orchard.surveys.geojson import read_geojson
+from orchard.surveys.kml import read_kml
+from orchard.surveys.layers import GEOPACKAGE, SHAPEFILE, read_layers
+from orchard.surveys.options import Source
+from orchard.surveys.table import read_table
 
 LARGEST_FILE = 10_000_000  # bytes
-READABLE = "a file of rows is GeoJSON"
+READABLE = "a file of rows is GeoJSON, KML, CSV, GeoPackage or Shapefile"
 # How files begin that people take for a file of rows.
 _OTHERS = {
     b"\x89PNG": "a picture (PNG)",
@@ -22,24 +26,51 @@ _OTHERS = {
 }
 
 
-def read_survey(path: Path, file: str) -> SurveyFile:
+# Files that belong to a Shapefile.
+_BESIDE_SHAPEFILE = (".shx", ".dbf", ".prj", ".cpg", ".qpj")
+
+
+def read_survey(source: Source) -> SurveyFile:
     """Return what a file holds. Raises ScenarioError."""
-    content = _content(path, file)
+    content = _content(source)
     for beginning, words in _OTHERS.items():
         if content.startswith(beginning):
-            raise ScenarioError([Problem(file, f"is {words}; {READABLE}")])
-    if not content.strip():
-        raise ScenarioError([Problem(file, f"is empty; {READABLE}")])
-    return read_geojson(content, file)
-
-
-def _content(path: Path, file: str) -> bytes:
-    """Return the bytes of a file. Raises ScenarioError."""
-    try:
-        with regular(path).open("rb") as opened:
-            content = opened.read(LARGEST_FILE + 1)
-    except OSError as error:
-        raise ScenarioError([Problem(file, f"cannot be read: {error.strerror}")]) from None
+            raise _fault(source, f"is {words}; {READABLE}")
+    suffix = source.path.suffix.lower()
+    if suffix in _BESIDE_SHAPEFILE:
+        raise _fault(source, f"belongs to a Shapefile; give its file {source.path.stem}.shp")
+    if content.startswith((GEOPACKAGE, SHAPEFILE)):
+        return read_layers(source)
+    if source.options.layer is not None:
+        raise _fault(source, "has no layers, which a GeoPackage has; leave out --layer")
     if len(content) > LARGEST_FILE:
-        raise ScenarioError([Problem(file, f"is too large; at most {LARGEST_FILE:,} bytes")])
-    return content
+        raise _fault(source, f"is too large; at most {LARGEST_FILE:,} bytes")
+    return _read_text(content, source)
+
+
+def _read_text(content: bytes, source: Source) -> SurveyFile:
+    """Return what a file of text holds. Raises ScenarioError."""
+    begin = content.removeprefix(BOM_UTF8).lstrip()
+    if not begin:
+        raise _fault(source, f"is empty; {READABLE}")
+    if begin.startswith((b"{", b"[")):
+        return read_geojson(begin, source.file)
+    if begin.startswith(b"<") or source.path.suffix.lower() == ".kml":
+        return read_kml(begin, source.file)
+    if b"\0" in begin and not content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        raise _fault(source, f"is no text; {READABLE}")
+    return read_table(content, source.file)
+
+
+def _fault(source: Source, text: str) -> ScenarioError:
+    """Return what is wrong with a file, to be raised."""
+    return ScenarioError([Problem(source.file, text)])
+
+
+def _content(source: Source) -> bytes:
+    """Return the bytes of a file, at most one more than are read. Raises ScenarioError."""
+    try:
+        with regular(source.path).open("rb") as opened:
+            return opened.read(LARGEST_FILE + 1)
+    except OSError as error:
+        raise _fault(source, f"cannot be read: {error.strerror}") from None

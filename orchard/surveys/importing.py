@@ -13,7 +13,7 @@ from orchard.surveys.files import read_survey
 from orchard.surveys.options import LANES, TREES, Imported, ImportOptions, Source
 from orchard.surveys.outlines import lines_of_polygons
 from orchard.surveys.pieces import joined
-from orchard.surveys.plane import on_a_plane, place_on_globe
+from orchard.surveys.plane import Plane, on_a_plane, place_on_globe
 from orchard.surveys.rows import (
     SurveyedLine,
     TurnedLines,
@@ -35,7 +35,7 @@ def import_survey(path: Path, options: ImportOptions = ImportOptions()) -> Impor
     file = key_text(str(path))
     source = Source(file, path, options)
     _check(options)
-    survey = read_survey(path, file)
+    survey = read_survey(source)
     selection = chosen(survey.features, source)
     problems = list(survey.problems)
     usable = []
@@ -56,7 +56,7 @@ def import_survey(path: Path, options: ImportOptions = ImportOptions()) -> Impor
     except ValueError as error:
         raise ScenarioError([*problems, Problem(file, str(error))]) from None
     notes = [*survey.notes, *selection.notes]
-    rows, notes_of_rows = _rows_of(on_ground, selection, source)
+    rows, notes_of_rows = _rows_of(on_ground, plane, selection, source)
     notes += notes_of_rows
     if not FEWEST_ROWS <= len(rows.lines) <= MOST_ROWS:
         problems.append(_too_few(file, len(rows.lines)))
@@ -78,7 +78,7 @@ def import_survey(path: Path, options: ImportOptions = ImportOptions()) -> Impor
         notes,
         latitude,
         longitude,
-        math.degrees(math.pi / 2 - rows.yaw) % 180.0,
+        math.degrees(plane.north - rows.yaw) % 180.0,
     )
 
 
@@ -122,7 +122,7 @@ def _in_order(features: list[Feature], system: str, source: Source) -> list[Feat
 
 
 def _rows_of(
-    features: Sequence[Feature], selection: Chosen, source: Source
+    features: Sequence[Feature], plane: Plane, selection: Chosen, source: Source
 ) -> tuple[TurnedLines, list[str]]:
     """Return the lines of rows in their frame, and notes. Raises ScenarioError."""
     lines_are = source.options.lines
@@ -130,7 +130,7 @@ def _rows_of(
         lines, notes = lines_of_trees(features)
         lines_are = lines_are or TREES
     elif selection.kind == POLYGON:
-        lines, notes = lines_of_polygons(features, source)
+        lines, notes = lines_of_polygons(features, plane.north, source)
         if source.options.spacing is not None:
             lines_are = LANES
     else:
@@ -157,6 +157,8 @@ def _between(trees: TurnedLines, notes: list[str], source: Source) -> tuple[Turn
         f"{len(trees.lines)} lines of trees: the {len(rows.lines)} rows are the lanes midway"
         " between them; fruit outside the outermost lines is left out"
     )
+    if source.options.lines is None:
+        taken += f". If the points stand on lanes: {source.command(lines=LANES)}"
     return rows, [*notes, taken, *more]
 
 

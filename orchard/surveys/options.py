@@ -23,6 +23,8 @@ class ImportOptions:
     lines: Lines | None = None
     #: Whether the first coordinate is the northing; None: asked, where that is likely.
     swap_coordinates: bool | None = None
+    #: The layer of a GeoPackage; None: it has one.
+    layer: str | None = None
     #: The block that is taken; None: all.
     block: str | None = None
     #: Names of features that are no rows.

@@ -22,9 +22,12 @@ HEADLAND = 0.0
 
 
 def lines_of_polygons(
-    features: Sequence[Feature], source: Source
+    features: Sequence[Feature], north: float, source: Source
 ) -> tuple[list[SurveyedLine], list[str]]:
-    """Return the centre lines of rows, on the ground, and notes. Raises ScenarioError."""
+    """Return the centre lines of rows, on the ground, and notes. Raises ScenarioError.
+
+    `north`: its direction, rad from the x axis.
+    """
     options = source.options
     are_rows = len(features) >= FEWEST_ROWS and all(map(_is_row, features))
     if options.spacing is None and are_rows:
@@ -47,7 +50,7 @@ def lines_of_polygons(
         names = [feature.name for feature in features]
         text = f"has several outlines, {listed(names)}; leave out all but one: --without NAME"
         raise ScenarioError([Problem(source.file, text)])
-    return _rows_in(features[0], source)
+    return _rows_in(features[0], north, source)
 
 
 def _sizes(outline: np.ndarray) -> tuple[float, float]:
@@ -81,7 +84,9 @@ def _centre_line(outline: np.ndarray) -> np.ndarray:
     return ends * turn
 
 
-def _rows_in(feature: Feature, source: Source) -> tuple[list[SurveyedLine], list[str]]:
+def _rows_in(
+    feature: Feature, north: float, source: Source
+) -> tuple[list[SurveyedLine], list[str]]:
     """Return rows in an outline: half the spacing inside its edge, then a spacing apart."""
     options = source.options
     spacing = options.spacing
@@ -104,13 +109,13 @@ def _rows_in(feature: Feature, source: Source) -> tuple[list[SurveyedLine], list
         )
     if options.direction is None:
         yaw = _longest_side(outline)
-        bearing = math.degrees(math.pi / 2 - yaw) % 180.0
+        bearing = math.degrees(north - yaw) % 180.0
         notes.append(
             f"assumed: rows run along the longest side, {bearing:.1f} degrees clockwise from"
             " north; --direction DEGREES says otherwise"
         )
     else:
-        yaw = math.pi / 2 - math.radians(options.direction)
+        yaw = north - math.radians(options.direction)
     turn = cmath.exp(1j * yaw)
     in_frame = outline / turn
     lines = []

@@ -25,6 +25,7 @@ class Plane(NamedTuple):
     crs: str
     middle: complex  # of the orchard, in the system's unit
     scale: float  # of the system's units in a metre on the ground
+    north: float  # the direction of north at the middle, rad from the system's east
 
 
 def on_a_plane(features: Sequence[Feature], name: str) -> tuple[Plane, list[Feature]]:
@@ -54,7 +55,8 @@ def on_a_plane(features: Sequence[Feature], name: str) -> tuple[Plane, list[Feat
         raise ValueError(
             f"{_words(name)} cannot be used: {printable(fault)}; {RIGHT_SYSTEM}"
         ) from None
-    plane = Plane(crs.to_string(), _middle_of(features), scale)
+    middle_of_all = _middle_of(features)
+    plane = Plane(crs.to_string(), middle_of_all, scale, _north(crs, middle_of_all, scale))
     in_metres = []
     for feature in features:
         parts = tuple((points - plane.middle) / plane.scale for points in feature.parts)
@@ -127,6 +129,17 @@ def _scale(crs: Any, middle: complex) -> float:
     if abs(scale_east / scale_north - 1.0) > CONFORMAL:
         return 0.0
     return float(scale_east)
+
+
+def _north(crs: Any, middle: complex, scale: float) -> float:
+    """Return the direction of north at a place of a projected system, rad from its east."""
+    from pyproj import Transformer
+
+    to_globe = Transformer.from_crs(crs, crs.geodetic_crs, always_xy=True)
+    end = middle + STEP * scale * 1j
+    lon, lat = to_globe.transform([middle.real, end.real], [middle.imag, end.imag])
+    azimuth, _, _ = crs.get_geod().inv(lon[0], lat[0], lon[1], lat[1])
+    return math.pi / 2 + math.radians(azimuth)
 
 
 def _middle_of(features: Sequence[Feature]) -> complex:

@@ -66,7 +66,7 @@ def test_a_file_is_not_overwritten_and_the_sizes_are_told(tmp_path):
         f"{out}: 8 rows, 89.11 to 95.20 m long, 5.45 to 6.04 m apart; ends from west to east 99.32"
         " m apart; the roads are straight, and lie up to 7.60 m further out than a row's end, on"
         " average 3.56 m\n"
-        "- middle at 37.79003 S, 176.32560 E; rows run 73.0 degrees clockwise from grid north\n"
+        "- middle at 37.79003 S, 176.32560 E; rows run 71.0 degrees clockwise from north\n"
         "- the 8 lines are taken for lanes, which a picker drives between two lines of trees. If"
         f" they are lines of trees, there are 7 rows: orchard layout import {SAMPLE} --lines"
         " trees\n"
@@ -86,7 +86,7 @@ def test_place_and_sizes_are_printed_and_drawn_on_the_plan(tmp_path):
     pytest.importorskip("pyproj", reason=NEEDS)
     plan = tmp_path / "plan.svg"
     told = imported(SAMPLE, "--plan", plan)
-    place = "middle at 37.79003 S, 176.32560 E; rows run 73.0 degrees clockwise from grid north"
+    place = "middle at 37.79003 S, 176.32560 E; rows run 71.0 degrees clockwise from north"
     assert told.exit_code == 0 and told.stderr.startswith(f"- {place}\n")
     sizes = "8 rows, 89.11 to 95.20 m long, 5.45 to 6.04 m apart"
     assert f">{sizes}; {place}</text>" in plan.read_text()

@@ -39,7 +39,7 @@ def test_lines_with_one_name_in_one_line_are_one_row(tmp_path):
     assert not any("wider than" in note for note in imported.notes)
 
 
-def test_pieces_with_names_of_their_own_are_joined_where_they_meet(tmp_path):
+def test_pieces_with_names_of_their_own_are_joined_if_they_meet(tmp_path):
     features = straight_rows()
     features[1:2] = [
         feature("LineString", line(6.0, 0.0, 30.0), row="r2a"),

@@ -1,0 +1,220 @@
+"""Reads CSV with a line of column names: the ends of rows, or trees.
+
+A line of the table is a point with the name of its row, or a row with both ends. Columns may be
+parted by commas, semicolons or tabs; without commas between columns, numbers may have them.
+"""
+
+import csv
+import io
+import math
+import re
+from collections import defaultdict
+from typing import Any
+
+import numpy as np
+
+from orchard.field.problems import Problem, ScenarioError, printable
+from orchard.surveys.choosing import listed
+from orchard.surveys.features import LINE, LONGITUDE_LATITUDE, POINT, Feature, SurveyFile
+from orchard.surveys.texts import text_of
+
+_LATITUDE = ("latitude", "lat")
+_LONGITUDE = ("longitude", "long", "lon", "lng")
+_NORTHING = ("northing", "north", "y", "n")
+_EASTING = ("easting", "east", "x", "e")
+_ROW = ("row", "rowid", "rowname", "rownumber", "rowno", "line", "name", "id", "fid")
+_TREE = ("tree", "treeid", "treeno", "vine", "plant", "plantid")
+# Beginnings and ends of the names of columns that are of one end of a row.
+_ENDS = (("start", "begin", "from", "1"), ("end", "to", "2"))
+# Points of a row, from which on they are its trees.
+MOST_OF_A_LINE = 3.0
+COLUMNS = "row,latitude,longitude"
+_SEPARATORS = ";\t,"
+
+
+class _Columns:
+    """Which column of a table is what."""
+
+    def __init__(self, names: list[str]) -> None:
+        """Find the columns. `names`: as the file has them."""
+        self.names = names
+        plain = [re.sub(r"[^a-z0-9]", "", name.lower()) for name in names]
+        self.row = _first(plain, _ROW)
+        self.tree = _first(plain, _TREE)
+        self.is_geographic = True
+        #: Columns of x and y: of a point, or of both ends of a row.
+        self.places: list[tuple[int, int]] = []
+        self._find(plain, _LONGITUDE, _LATITUDE)
+        if not self.places:
+            self.is_geographic = False
+            self._find(plain, _EASTING, _NORTHING)
+
+    def _find(
+        self, plain: list[str], eastings: tuple[str, ...], northings: tuple[str, ...]
+    ) -> None:
+        """Find the columns of places by their names without case, spaces and signs."""
+        x = _first(plain, eastings)
+        y = _first(plain, northings)
+        if x is not None and y is not None:
+            self.places = [(x, y)]
+            return
+        ends = []
+        for words in _ENDS:
+            x = _first(plain, _with_end(eastings, words))
+            y = _first(plain, _with_end(northings, words))
+            if x is None or y is None:
+                return
+            ends.append((x, y))
+        self.places = ends
+
+
+def _first(plain: list[str], names: tuple[str, ...]) -> int | None:
+    """Return the column with the first of these names that is there; None: there is none."""
+    for name in names:
+        if name in plain:
+            return plain.index(name)
+    return None
+
+
+def _with_end(names: tuple[str, ...], words: tuple[str, ...]) -> tuple[str, ...]:
+    """Return names of columns of one end of a row: "startlat", "latstart"."""
+    result = []
+    for word in words:
+        for name in names:
+            result += [f"{word}{name}", f"{name}{word}"]
+    return tuple(result)
+
+
+class _Record:
+    """A line of the table."""
+
+    def __init__(self, number: int, points: list[complex], properties: dict[str, Any]) -> None:
+        self.number = number
+        self.points = points
+        self.properties = properties
+
+
+def read_table(content: bytes, file: str) -> SurveyFile:
+    """Return what a CSV text holds. Raises ScenarioError if it is none."""
+    text, notes = text_of(content)
+    head = text.lstrip().partition("\n")[0]
+    separator = max(_SEPARATORS, key=head.count)
+    columns = _columns_of(head, separator, file)
+    records, problems = _records(text, separator, columns, file)
+    if len(columns.places) == 2:
+        features = [_row(record, columns) for record in records]
+    else:
+        features = _points_of(records, columns)
+    crs = LONGITUDE_LATITUDE if columns.is_geographic else ""
+    return SurveyFile(features, crs, problems, notes)
+
+
+def _columns_of(head: str, separator: str, file: str) -> _Columns:
+    """Return which column is what. Raises ScenarioError if there are no places."""
+    try:
+        names = next(csv.reader([head], delimiter=separator))
+    except (csv.Error, StopIteration):
+        names = []
+    columns = _Columns([name.strip() for name in names])
+    if not columns.places:
+        shown = printable(head.strip(), 60)
+        text = (
+            f"is neither GeoJSON nor KML, and as CSV its first line names no places: {shown}. It"
+            f" must name columns such as {COLUMNS}, or row,easting,northing"
+        )
+        raise ScenarioError([Problem(file, text)])
+    return columns
+
+
+def _records(
+    text: str, separator: str, columns: _Columns, file: str
+) -> tuple[list[_Record], list[Problem]]:
+    """Return the lines of the table, and what is wrong with others."""
+    reader = csv.reader(io.StringIO(text.lstrip(), newline=""), delimiter=separator)
+    records = []
+    problems = []
+    try:
+        next(reader)
+        for cells in reader:
+            if not any(cell.strip() for cell in cells):
+                continue
+            line = f"line {reader.line_num}"
+            try:
+                points = [_point(cells, place, columns, separator) for place in columns.places]
+            except ValueError as error:
+                problems.append(Problem(file, str(error), line))
+                continue
+            properties = dict(zip(columns.names, cells, strict=False))
+            records.append(_Record(reader.line_num, points, properties))
+    except csv.Error as error:
+        problems.append(Problem(file, f"is no CSV: {error}", f"line {reader.line_num}"))
+    return records, problems
+
+
+def _point(cells: list[str], place: tuple[int, int], columns: _Columns, separator: str) -> complex:
+    """Return a point of a line. Raises ValueError for what is none."""
+    values = []
+    for column in place:
+        cell = cells[column].strip() if column < len(cells) else ""
+        if separator != "," and "." not in cell:
+            cell = cell.replace(",", ".")
+        try:
+            value = float(cell)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise ValueError(
+                f"{columns.names[column]} is {printable(cell, 40)!r}; must be a decimal number,"
+                " such as -37.79"
+            )
+        values.append(value)
+    x, y = values
+    return complex(x, y)
+
+
+def _row_name(record: _Record, columns: _Columns) -> str:
+    """Return the name of the row of a line; "" if it has none."""
+    if columns.row is None:
+        return ""
+    return str(record.properties.get(columns.names[columns.row], "")).strip()
+
+
+def _row(record: _Record, columns: _Columns) -> Feature:
+    """Return a line with both ends of a row as a feature."""
+    name = _row_name(record, columns) or f"line {record.number}"
+    points = np.array(record.points)
+    feature = Feature(printable(name, 60), LINE, "row", (points,), record.properties)
+    if points[0] == points[-1]:
+        return feature._replace(fault="must have two different ends")
+    return feature
+
+
+def _points_of(records: list[_Record], columns: _Columns) -> list[Feature]:
+    """Return rows, if there are two or three points of each, else trees."""
+    records_of: dict[str, list[_Record]] = defaultdict(list)
+    for record in records:
+        records_of[_row_name(record, columns)].append(record)
+    are_trees = (
+        columns.tree is not None
+        or "" in records_of
+        or len(records) > MOST_OF_A_LINE * len(records_of)
+        or len(records) == len(records_of)
+    )
+    features = []
+    if are_trees:
+        for record in records:
+            tree = record.properties
+            if columns.row is not None and len(records) > len(records_of):
+                tree = tree | {"row": _row_name(record, columns)}
+            points = np.array(record.points)
+            features.append(Feature(f"line {record.number}", POINT, "point", (points,), tree))
+        return features
+    for name, of_row in records_of.items():
+        points = np.array([record.points[0] for record in of_row])
+        fault = ""
+        if len(set(points.tolist())) < 2:
+            numbers = listed([str(record.number) for record in of_row])
+            fault = f"has one end, on line {numbers}; must have two"
+        row = Feature(printable(name, 60), LINE, "row", (points,), of_row[0].properties, fault)
+        features.append(row)
+    return features

@@ -1,0 +1,86 @@
+"""GeoPackage and Shapefile: the same rows as from GeoJSON, and what is missing is told."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+from made_surveys import CIRCUIT, straight_rows, write_features
+
+from orchard.field.problems import ScenarioError
+from orchard.surveys.importing import import_survey
+from orchard.surveys.options import ImportOptions
+
+pyogrio = pytest.importorskip(
+    "pyogrio", reason="pyogrio is missing: pip install 'orchard-sim[gis,dev]'"
+)
+shapely = pytest.importorskip("shapely")
+
+
+def write(path, features: list[dict], crs: str | None = CIRCUIT, **options) -> None:
+    shapes = [shapely.from_geojson(json.dumps(row["geometry"])) for row in features]
+    names = np.array([row["properties"].get("row", "") for row in features], dtype=object)
+    pyogrio.raw.write(
+        path,
+        geometry=shapely.to_wkb(np.array(shapes)),
+        field_data=[names],
+        fields=["row"],
+        geometry_type=features[0]["geometry"]["type"],
+        crs=crs,
+        **options,
+    )
+
+
+def told(path, **options) -> str:
+    with pytest.raises(ScenarioError) as raised:
+        import_survey(path, ImportOptions(**options))
+    return str(raised.value)
+
+
+@pytest.mark.parametrize("ending", ["gpkg", "shp"])
+def test_layers_give_the_rows_of_geojson(tmp_path, ending: str):
+    path = tmp_path / f"rows.{ending}"
+    write(path, straight_rows())
+    same = import_survey(write_features(tmp_path / "rows.geojson", straight_rows()))
+    assert import_survey(path).scenario.survey.rows == same.scenario.survey.rows
+
+
+def test_the_layer_of_the_rows_is_asked_for(tmp_path):
+    path = tmp_path / "farm.gpkg"
+    write(path, straight_rows(4), layer="rows")
+    write(path, straight_rows(6), layer="old rows")
+    words = told(path)
+    assert f"orchard layout import {path} --layer rows" in words
+    assert f"orchard layout import {path} --layer 'old rows'" in words
+    assert import_survey(path, ImportOptions(layer="rows")).scenario.rows == 4
+    assert "has no layer new; it has rows and old rows" in told(path, layer="new")
+    other = write_features(tmp_path / "a.geojson", straight_rows())
+    assert "has no layers, which a GeoPackage has" in told(other, layer="rows")
+
+
+def test_a_shapefile_without_its_system_is_asked_about(tmp_path):
+    path = tmp_path / "rows.shp"
+    write(path, straight_rows())
+    path.with_suffix(".prj").unlink()
+    assert "does not say its coordinate system" in told(path)
+    assert import_survey(path, ImportOptions(crs=CIRCUIT)).scenario.rows == 5
+    assert "belongs to a Shapefile; give its file rows.shp" in told(path.with_suffix(".dbf"))
+
+
+def test_a_torn_file_is_told(tmp_path):
+    path = tmp_path / "rows.gpkg"
+    write(path, straight_rows())
+    path.write_bytes(path.read_bytes()[:2000])
+    assert f"{path}: cannot be read: " in told(path)
+    shape = tmp_path / "rows.shp"
+    write(shape, straight_rows())
+    shape.with_suffix(".shx").unlink()
+    assert "a Shapefile needs its .shx and .dbf beside it" in told(shape)
+
+
+@pytest.mark.parametrize("package", ["pyogrio", "shapely"])
+def test_the_extra_is_told_where_it_is_missing(tmp_path, monkeypatch, package: str):
+    path = tmp_path / "rows.gpkg"
+    write(path, straight_rows())
+    monkeypatch.setitem(sys.modules, package, None)
+    assert f"{path}: needs the package {package}: pip install 'orchard-sim[gis]'" in told(path)

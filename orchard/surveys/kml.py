@@ -42,7 +42,7 @@ def read_kml(content: bytes, file: str) -> SurveyFile:
     if root.tag != "kml":
         text = f"is XML, but no KML: it is <{printable(root.tag, 60)}>; export its rows as KML"
         raise ScenarioError([Problem(file, text)])
-    features = []
+    features: list[Feature] = []
     for folder, placemark in _placemarks(root, ""):
         features.append(_feature(placemark, folder, len(features) + 1))
     return SurveyFile(features, LONGITUDE_LATITUDE, [])

@@ -8,9 +8,9 @@ from typing import Any, Literal, NamedTuple
 from orchard.field.scenario import Scenario
 
 # What lines are: lanes, which a picker drives, or lines of trees, between which the lanes lie.
-LANES = "lanes"
-TREES = "trees"
 Lines = Literal["lanes", "trees"]
+LANES: Lines = "lanes"
+TREES: Lines = "trees"
 
 
 @dataclass(frozen=True, kw_only=True)

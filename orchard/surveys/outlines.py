@@ -118,7 +118,7 @@ def _rows_in(
         yaw = north - math.radians(options.direction)
     turn = cmath.exp(1j * yaw)
     in_frame = outline / turn
-    lines = []
+    lines: list[SurveyedLine] = []
     short = 0
     parted = 0
     top = float(in_frame.imag.max())

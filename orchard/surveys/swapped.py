@@ -94,6 +94,8 @@ def _is_land(at: complex) -> bool:
     )
     for system in systems:
         area = system.area_of_use
+        if area is None:
+            continue
         width = (area.east - area.west) % 360.0 or 360.0
         if width * (area.north - area.south) <= LARGEST_COUNTRY:
             return True

@@ -104,7 +104,7 @@ def _found_lines(features: Sequence[Feature]) -> tuple[list[SurveyedLine], list[
     in_frame = points * cmath.exp(-1j * yaw)
     order = np.argsort(-in_frame.imag, kind="stable")
     cuts = np.flatnonzero(-np.diff(in_frame.imag[order]) > APART) + 1
-    lines = []
+    lines: list[SurveyedLine] = []
     strays = []
     for members in np.split(order, cuts):
         if len(members) < FEWEST_TREES:

@@ -152,6 +152,26 @@ Ctrl-C the same command goes on from there. A store of another version of the pr
 you say `--anew`. If you change a policy of yours, its runs are done again; files of data that it
 reads are not looked at.
 
+## Several blocks, one fleet
+
+A farm's file lists its blocks, each a scenario of its own, in the order in which one fleet harvests
+them:
+
+```yaml farm.yaml
+blocks:
+- {{file: top.yaml}}
+- {{file: low.yaml, name: Low}}
+transfer_minutes: 20
+pickers: 4
+```
+
+`orchard study farm.yaml` studies one harvest of each block, with runs of its own, and adds them up:
+the means with the transfers, and the variances for the interval. The answer is the number of
+carriers with which the farm takes least time, and fewest robots. `pickers` and `carriers` hold for
+all blocks; without them the blocks must agree, as they must on `carrying` and `handling`. A block
+is an orchard by itself: no picture or recording shows two, and nothing is simulated of the way
+between them. Prices and deadlines are asked of each block.
+
 ## Many machines
 
 `--workers` sets the number of processes here. For several machines start a scheduler of

@@ -19,6 +19,8 @@ from orchard.field.shipped import load_or_shipped
 from orchard.report.summary import write_summary
 from orchard.study.checking import checked_settings
 from orchard.study.command_options import StudyArguments
+from orchard.study.farm_command import run_farm
+from orchard.study.farm_file import is_farm
 from orchard.study.finishing import OF_FLEETS, finish_problems, finish_study
 from orchard.study.options import StudyOptions
 from orchard.study.result import StudyResult
@@ -58,6 +60,9 @@ def run_study(chosen: StudyArguments) -> int:
     Returns the exit code: 1 if an invariant, a run or a file fails.
     """
     with own_classes_run(), exit_on_errors(ScenarioError, StoreError, OSError), failures():
+        if is_farm(chosen.scenario):
+            with stoppable() as is_stopped:
+                return run_farm(chosen, _options(chosen), is_stopped)
         scenario, varied = _question(chosen)
         for note in notes_on(varied.get("dispatch", [scenario.dispatch])):
             print_error(note)

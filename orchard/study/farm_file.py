@@ -1,0 +1,214 @@
+"""A farm: blocks, each a scenario of its own, that one fleet harvests one after another.
+
+The file lists them:
+
+    blocks:
+    - {file: top.yaml}
+    - {file: low.yaml, name: Low}
+    transfer_minutes: 20
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from orchard.field.problems import Lines, Problem, ScenarioError, key_text, printable, show
+from orchard.field.scenario import Scenario, load, with_changes
+from orchard.field.yaml_file import read, values_of
+from orchard.folders import real
+from orchard.report.limits import with_seed
+
+BLOCKS = "blocks"
+TRANSFER = "transfer_minutes"
+# Keys that the farm may say for all blocks; else its blocks must agree on them.
+FLEET = ("pickers", "carriers")
+# What one fleet has in all blocks.
+MACHINES = ("carrying", "handling")
+MOST_BLOCKS = 50
+MOST_MINUTES = 1440.0
+# The seeds of one block lie so far from those of the next one, that no two runs share one.
+SEEDS_OF_A_BLOCK = 1_000_000
+EXAMPLE = "such as {file: top.yaml}"
+
+
+@dataclass(frozen=True)
+class FarmBlock:
+    """A block of a farm."""
+
+    name: str
+    file: str
+    scenario: Scenario
+
+
+@dataclass(frozen=True)
+class Farm:
+    """Blocks in the order in which they are harvested, and the time from one to the next."""
+
+    blocks: tuple[FarmBlock, ...]
+    transfer_seconds: float
+
+    @property
+    def all_transfers(self) -> float:
+        """The time of all transfers, s."""
+        return self.transfer_seconds * (len(self.blocks) - 1)
+
+
+def is_farm(path: Path | None) -> bool:
+    """Whether a file lists blocks. One that cannot be read is none: it is reported elsewhere."""
+    if path is None or not path.is_file():
+        return False
+    try:
+        values, _, _ = values_of(read(path, str(path)), str(path))
+    except ScenarioError:
+        return False
+    return isinstance(values, dict) and BLOCKS in values
+
+
+def read_farm(path: Path, varied: Sequence[str] = ()) -> Farm:
+    """Return the farm of a file. `varied`: keys that a study gives all blocks.
+
+    Raises ScenarioError with all that is wrong.
+    """
+    return _Reader(path, varied).farm()
+
+
+class _Reader:
+    """Reads the file of a farm, and gathers what is wrong."""
+
+    def __init__(self, path: Path, varied: Sequence[str]) -> None:
+        self._path = path
+        self._varied = varied
+        self._source = key_text(str(path))
+        values, lines, repeated = values_of(read(path, self._source), self._source)
+        self._values: dict[str, Any] = values if isinstance(values, dict) else {}
+        self._lines: Lines = lines
+        self._problems: list[Problem] = list(repeated)
+
+    def farm(self) -> Farm:
+        """Return the farm. Raises ScenarioError."""
+        known = (BLOCKS, TRANSFER, *FLEET)
+        for key in self._values:
+            if key not in known:
+                text = f"unknown key; a farm has {', '.join(known)}"
+                self._add(text, (str(key),), show(self._values[key]))
+        transfer = self._transfer()
+        blocks = self._blocks()
+        if not self._problems:
+            self._problems += self._disagreements(blocks)
+        if self._problems:
+            raise ScenarioError(self._problems)
+        return Farm(tuple(blocks), transfer)
+
+    def _add(self, text: str, path: tuple[str, ...], value: str = "") -> None:
+        line = self._lines.get(path, 0)
+        self._problems.append(Problem(self._source, text, ".".join(path), value, line))
+
+    def _transfer(self) -> float:
+        """Return the time from one block to the next, s."""
+        minutes = self._values.get(TRANSFER)
+        wanted = f"minutes in which the fleet moves to the next block, 0 to {MOST_MINUTES:g}"
+        if TRANSFER not in self._values:
+            self._add(f"is missing: {wanted}", (TRANSFER,))
+            return 0.0
+        is_number = isinstance(minutes, int | float) and not isinstance(minutes, bool)
+        if not is_number or not 0.0 <= minutes <= MOST_MINUTES:
+            self._add(f"must be {wanted}", (TRANSFER,), show(minutes))
+            return 0.0
+        return 60.0 * float(minutes)
+
+    def _blocks(self) -> list[FarmBlock]:
+        """Return the blocks that can be used."""
+        listed = self._values.get(BLOCKS)
+        if not isinstance(listed, list) or not 2 <= len(listed) <= MOST_BLOCKS:
+            text = (
+                f"must be a list of 2 to {MOST_BLOCKS} blocks, {EXAMPLE}; study one block by its"
+                " own file: orchard study top.yaml"
+            )
+            count = f"{len(listed)} blocks" if isinstance(listed, list) else show(listed)
+            self._add(text, (BLOCKS,), count)
+            return []
+        blocks: list[FarmBlock] = []
+        places: dict[Path, str] = {}
+        names: dict[str, str] = {}
+        for number, entry in enumerate(listed):
+            at = (BLOCKS, str(number))
+            file = self._file(entry, at)
+            if file is None:
+                continue
+            place = real(self._path.parent / file)
+            if place in places:
+                text = f"is listed twice, also as {places[place]}; a block is harvested once"
+                self._add(text, (*at, "file"), printable(file))
+                continue
+            places[place] = ".".join(at)
+            name = str(entry.get("name", Path(file).stem))
+            if name in names:
+                text = f"the name of two blocks, also of {names[name]}; each needs its own `name`"
+                self._add(text, at, printable(name))
+                continue
+            names[name] = ".".join(at)
+            scenario = self._scenario(place, file, number, at)
+            if scenario is not None:
+                blocks.append(FarmBlock(printable(name, 40), file, scenario))
+        return blocks
+
+    def _file(self, entry: Any, at: tuple[str, ...]) -> str | None:
+        """Return the file of a block; None if it has none, or something else is wrong."""
+        if not isinstance(entry, dict) or not isinstance(entry.get("file"), str):
+            self._add(f"must be a map with the scenario's file, {EXAMPLE}", at, show(entry))
+            return None
+        unknown = [key for key in entry if key not in ("file", "name")]
+        for key in unknown:
+            text = "unknown key; a block has file and name, and all else stands in its file"
+            self._add(text, (*at, str(key)), show(entry[key]))
+        name = entry.get("name", "block")
+        if not isinstance(name, str) or not name.isprintable() or not name:
+            self._add("must be a text", (*at, "name"), show(name))
+            return None
+        return None if unknown else str(entry["file"])
+
+    def _scenario(
+        self, place: Path, file: str, number: int, at: tuple[str, ...]
+    ) -> Scenario | None:
+        """Return the scenario of a block with the farm's fleet, and seeds of its own."""
+        if is_farm(place):
+            self._add("is a farm itself; list its blocks here", (*at, "file"), printable(file))
+            return None
+        changes = {key: self._values[key] for key in FLEET if key in self._values}
+        try:
+            scenario = load(place)
+            if changes:
+                scenario = with_changes(scenario, **changes)
+        except ScenarioError as error:
+            for problem in error.problems:
+                where = f"block {printable(file)}: {problem}"
+                self._problems.append(Problem(self._source, where, ".".join(at)))
+            return None
+        return with_seed(scenario, scenario.seed + SEEDS_OF_A_BLOCK * number)
+
+    def _disagreements(self, blocks: Sequence[FarmBlock]) -> Iterator[Problem]:
+        """Yield what of the fleet differs between blocks."""
+        first = blocks[0]
+        for key in (*FLEET, *MACHINES):
+            if key in self._varied or (key in FLEET and key in self._values):
+                continue
+            for block in blocks[1:]:
+                if _of(block, key) != _of(first, key):
+                    yield Problem(self._source, self._disagreement(key, first, block), BLOCKS)
+                    break
+
+    def _disagreement(self, key: str, first: FarmBlock, block: FarmBlock) -> str:
+        """Return what differs between two blocks, and what would be right."""
+        differs = f"{first.name} and {block.name} differ in `{key}`, and one fleet harvests both"
+        if key in FLEET:
+            numbers = f"{_of(first, key)} and {_of(block, key)}"
+            return f"{differs} ({numbers}): write `{key}: {_of(first, key)}` into this file"
+        return f"{differs}: write the same into their files"
+
+
+def _of(block: FarmBlock, key: str) -> Any:
+    """Return what a block says of its fleet."""
+    if key == "carriers":
+        return block.scenario.carrier_count
+    return getattr(block.scenario, key)

@@ -129,7 +129,8 @@ def park(m, carrier):
     if me.state == c.DRIVING:
         m.timers[c.PARK, carrier] = desk.now + c.QUARTERS
         return
-    me.parked = me.stood
+    if not me.waits_to_charge:
+        me.parked = me.stood
     me.waits_to_charge = True
     # It has stood for a tick.
     give_chargers(m, 1)
@@ -146,6 +147,10 @@ def give_chargers(m, ticks):
         first = c.NONE
         for carrier in range(len(m.robots)):
             if not m.robots[carrier].waits_to_charge:
+                continue
+            if m.robots[carrier].state == c.DRIVING:
+                # It moves up, and gets one once it stands.
+                m.timers[c.PARK, carrier] = desk.now + c.QUARTERS
                 continue
             if first == c.NONE or m.robots[carrier].x > m.robots[first].x:
                 first = carrier
@@ -173,15 +178,23 @@ def delay_charge(m, carrier, moved):
     """Charge for longer because a carrier has moved up for some ticks: it used its battery then."""
     desk = m.desk[0]
     used = desk.seconds_to_charge / HOUR / desk.battery_hours
+    if m.timers[c.FULLY_CHARGED, carrier] == c.NEVER:
+        # It was to be full while it moved.
+        m.timers[c.FULLY_CHARGED, carrier] = c.QUARTERS * m.robots[carrier].counted
     m.timers[c.FULLY_CHARGED, carrier] += c.QUARTERS * round(moved * (1.0 + used))
 
 
 @inner
 def end_charging(m, carrier):
-    """Let a carrier whose battery is full go on, and give its charger to the next one."""
+    """Let a carrier whose battery is full go on, and give its charger to the next one.
+
+    One that moves up meanwhile is not charged while it does: `delay_charge` lets it charge on.
+    """
     me = m.robots[carrier]
-    me.charge = 1.0
     me.counted = tick_of(m)
+    if me.state == c.DRIVING:
+        return
+    me.charge = 1.0
     me.moved = 0
     me.is_charging = False
     me.is_charged = True

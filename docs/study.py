@@ -88,6 +88,58 @@ the scenario it is the number with the least cost of a bin:
 prices: {{picker_per_hour: 25, carrier_per_hour: 8}}        # in your currency
 ```
 
+## What is paid for what
+
+All that is set in `prices` adds up, and the answer has a table of it for the best setting:
+
+- a picker: a wage (`picker_per_hour`), a piece rate (`picker_per_bin`), and the least that it gets
+  for a day, for hours and bins together (`picker_least_per_day`);
+- a carrier: by the hour (`carrier_per_hour`) or the day (`carrier_per_day`);
+- a robot that is bought (`picker_bought`, `carrier_bought`): its `price` over `years` of
+  `hours_per_year`;
+- all else by the hour and the day (`overhead_per_hour`, `overhead_per_day`), and `per_bin`.
+
+Hours are working hours: breaks are not paid. What is paid by the day needs a `shift`, and is paid
+for each day that is begun; in the long run all days are whole.
+
+```yaml
+shift: {{begin: "07:00", end: "16:30", breaks: [["10:00", "10:15"], ["12:00", "12:45"]]}}
+prices:
+  picker_per_bin: 20
+  picker_least_per_day: 190
+  carrier_per_day: 90
+  carrier_bought: {{years: 8, hours_per_year: 400}}           # without a price: what may it cost?
+  overhead_per_hour: 35
+```
+
+The notes tell what the last robot may cost, and one more: "carrier number 3 pays if it costs up to
+41 ± 2 an hour". With `years` and `hours_per_year` they tell the price at which it is bought, too.
+
+## Done in time: `--finish-within`, `--finish-by`
+
+Which is the cheapest fleet that is done in 8 hours of work, or by the end of the second day of the
+`shift`? Without prices it is the one with the fewest robots.
+
+```sh finish
+orchard study rent.yaml --vary pickers --vary carriers --finish-within 8h
+orchard study rent.yaml --vary carriers=1..6 --finish-within 30h
+```
+
+A fleet is in time if 19 of 20 harvests are, each with rows of its own seed (`--confidence 0.9`: 18
+of 20). The answer says how many were, and what smaller fleets would need. If all of 20 are in time,
+at least 86 % of all such harvests are, with 95 % confidence.
+
+Fleets are tried in the order of what they cost at least, which is known from their limit without
+traffic. A fleet of which the limit misses the deadline needs no run. If you name no numbers of
+pickers, those are left out with which the picker with the most rows has as many as with fewer
+pickers. If no fleet can be in time, the command says which limit forbids it, and what would do.
+
+The time of a harvest is working time. With a `shift` it stops at a day's end and in breaks, and
+goes on where it stopped. Before a day's end carriers finish their jobs and drive home: all work of
+a day ends earlier by the longest job without traffic. That is a little less than a day allows.
+
+## The end of a range
+
 If you name numbers (`--vary carriers=1..8`), and the best is the last one, the answer begins with
 "At least". If it is the first one, and the runs tell it from the others, the answer begins with "At
 most".
@@ -118,13 +170,13 @@ In 600 small studies a setting's interval held the truth in 93.9 %, all of `behi
 A setting in which a harvest jams is left out, and named. The [fast
 model](bounds.md#the-discrete-event-model) does all runs; it is compiled once for a machine, which
 takes some 40 s. With `--horizon harvest` the simulator
-checks the best two settings; `--model full` lets it do all, and agents of your own need that. A
-study knows no day's end.
+checks the best two settings; `--model full` lets it do all, and agents of your own need that.
 
 ## Other questions
 
 `--vary` takes each value but `seed`, and may be given several times: then all combinations are
-settings, at most 10,000. `--vary carriers` without numbers is as many as it takes.
+settings, at most 10,000. `--vary carriers` without numbers is as many as it takes, with a deadline
+`--vary pickers` too.
 
 A study looks for the best of what you choose: {choices}.
 All else is given: prices, rates, speeds, the crop, the rows, people. If it varies, the table shows

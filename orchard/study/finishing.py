@@ -123,6 +123,7 @@ class _Search:
     tried: list[_Tried] = field(default_factory=list)
     answer: _Tried | None = None
     stopped_by: StoppedBy = "budget"
+    notes: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.begun = time.time()
@@ -152,6 +153,8 @@ class _Search:
             self.stopped_by = "certain"
         elif self.runs.is_stopped():
             self.stopped_by = "stopped"
+        else:
+            self.notes.append("there was no time for all fleets that may be in time: --budget")
         return self._result()
 
     # -- the search
@@ -359,7 +362,7 @@ class _Search:
 
     def _notes(self) -> list[str]:
         """Return what a reader must know beside the table."""
-        notes = []
+        notes = [*self.notes]
         if self.options.model == "both":
             notes.append("the fast model alone answers; --model full asks the simulator")
         if self.scenario.shift.is_set:

@@ -11,7 +11,13 @@ SMALL = (
     "rows: 3\npickers: 2\npicking_rate: 40\nprices: {picker_per_hour: 20, carrier_per_hour: 6}\n"
 )
 SHORT = ["--budget", "1s", "--model", "fast", "--workers", "1"]
-BLOCKS = [("study", "rent"), ("study", "vary"), ("study", "finish"), ("study", "own"), ("bounds", "policies")]
+BLOCKS = [
+    ("study", "rent"),
+    ("study", "vary"),
+    ("study", "finish"),
+    ("study", "own"),
+    ("bounds", "policies"),
+]
 COMMANDS = [
     command for page, name in BLOCKS for command in commands(block(f"docs/{page}.md", name))
 ]

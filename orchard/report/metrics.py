@@ -16,6 +16,7 @@ from orchard.field.kinds import ANIMALS, DISPATCH, HAULERS, PEOPLE, ROBOTS, kind
 from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.report.bounds import Bounds, schedule_seconds
+from orchard.report.days import work_days
 from orchard.report.limits import delivered_full_bins
 from orchard.sim.state_times import StateTimes
 from orchard.sim.world import World
@@ -175,10 +176,12 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
     bounds, schedule = _ideals(world.layout)
     waits = figures.waits
     fruit = delivered_full_bins(world.layout, world.delivered, world.delivered_metres)
+    days = work_days(scenario, bounds)
     return {
         "seed": scenario.seed,
         "ticks": world.tick,
         "sim_seconds": round(world.tick * TIME_STEP, 1),
+        "working_day": "" if days is None else days.words(world.tick * TIME_STEP),
         "agents": len(world.layout.starts),
         "rows": scenario.rows,
         "row_length": world.layout.mean_length,

@@ -66,6 +66,8 @@ OF_NONE = {
 }
 # For programs. The page shows them in its own way.
 NOT_IN_TABLE = ("scenario", "history")
+# Shown in the table if they say something.
+IF_KNOWN = ("working_day",)
 
 
 class Headline(msgspec.Struct, kw_only=True):
@@ -195,6 +197,7 @@ class Outcome(Headline, kw_only=True):
     bins_per_hour: float
     limit_bins_per_hour: Annotated[float, Meta(gt=0.0)]
     bottleneck: str
+    working_day: str = ""  # on which it ended, and when; "" without a shift
     lost_seconds: dict[str, float]
     violations: list[str]
     jam: list[str]
@@ -246,7 +249,8 @@ def as_table(summary: dict[str, Any]) -> Table:
     table.add_column(style="bold")
     table.add_column(overflow="fold")
     for key, value in summary.items():
-        if key not in NOT_IN_TABLE:
+        is_known = bool(value) or key not in IF_KNOWN
+        if key not in NOT_IN_TABLE and is_known:
             table.add_row(key.replace("_", " "), _words(key, value))
     return table
 
@@ -287,9 +291,10 @@ def sentence(outcome: Outcome) -> str:
     """
     if outcome.finished:
         bins = _counted_bins(outcome.bins_delivered, outcome.bins_per_hour, outcome.sim_seconds)
+        done = f", done on {outcome.working_day}" if outcome.working_day else ""
         result = (
             f"{outcome.rows_picked} of {outcome.rows} rows in {clock(outcome.sim_seconds)},"
-            f" simulated: {outcome.bins_per_hour:.1f} {bins} an hour"
+            f" simulated{done}: {outcome.bins_per_hour:.1f} {bins} an hour"
         )
     else:
         result = _unfinished(outcome)

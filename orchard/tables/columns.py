@@ -116,7 +116,15 @@ EXCHANGES = _schema(
 COUNT = pa.int64()
 LOSSES = ("optimum", "schedule", "dispatch", "traffic", "charging", "people_and_animals")
 _OF_SUMMARY: dict[pa.DataType, tuple[str, ...]] = {
-    TEXT: ("hash", "mode", "bottleneck", "ended", "scenario", "forked_from.run"),
+    TEXT: (
+        "hash",
+        "mode",
+        "bottleneck",
+        "ended",
+        "working_day",
+        "scenario",
+        "forked_from.run",
+    ),
     pa.bool_(): ("finished",),
     COUNT: (
         "hosts",

@@ -4,8 +4,10 @@ import pytest
 
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, WorkShift, parse, to_yaml
+from orchard.local import Local
 from orchard.report.days import WorkDays, work_days
 from orchard.report.limits import limit_of_question
+from orchard.report.metrics import HarvestFigures, harvest_figures
 
 # 9.5 h without 1 h of breaks.
 SHIFT = WorkShift(begin="07:00", end="16:30", breaks=[["10:00", "10:15"], ["12:00", "12:45"]])
@@ -45,6 +47,18 @@ def test_the_work_of_a_day_ends_before_carriers_must_be_home() -> None:
 def test_a_shift_is_written_and_read() -> None:
     scenario = Scenario(shift=SHIFT)
     assert parse(to_yaml(scenario)) == scenario
+
+
+def test_a_run_tells_the_day_and_is_the_same_with_a_shift() -> None:
+    runs = [Local(Scenario(rows=3, shift=shift)) for shift in (SHIFT, WorkShift())]
+    days = []
+    for run in runs:
+        figures = HarvestFigures()
+        for _ in range(650):
+            run.tick()
+        days.append(harvest_figures(run.engine.world, figures)["working_day"])
+    assert days == ["day 1 at 07:01", ""]
+    assert runs[0].engine.hash == runs[1].engine.hash
 
 
 MISTAKES = [

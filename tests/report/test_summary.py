@@ -249,6 +249,11 @@ def test_the_first_sentence_tells_how_the_run_ended(figures, told):
     assert sentence(harvested(**figures)) == told
 
 
+def test_a_harvest_with_a_shift_tells_its_day():
+    told = sentence(harvested(working_day="day 2 at 09:40"))
+    assert ", simulated, done on day 2 at 09:40: 18.6 bins an hour." in told
+
+
 def test_a_run_stopped_before_its_first_tick_has_a_sentence():
     """A run that is stopped before its first tick has a sentence."""
     nothing = harvested(**HALF | {"ended": "stopped", "sim_seconds": 0.0, "metres_picked": 0.0})

@@ -1,5 +1,5 @@
-"""The table of the benchmark in docs/bounds.md: `orchard benchmark --summary docs/benchmark.json`
-measures it, `make docs` writes it.
+"""The table of docs/benchmark.md: `orchard benchmark --summary docs/benchmark.json` measures it,
+`make docs` writes it.
 """
 
 import json
@@ -10,7 +10,7 @@ import msgspec
 
 from orchard.study.benchmark.scores import BenchmarkResult
 
-PAGE = Path(__file__).with_name("bounds.md")
+PAGE = Path(__file__).with_name("benchmark.md")
 HEAD = "| policy | score, % | its worst orchard |\n|---|---|---|\n"
 
 
@@ -22,7 +22,7 @@ def result() -> BenchmarkResult:
 
 
 def document() -> str:
-    """Return docs/bounds.md with the lines of the table as they were measured."""
+    """Return docs/benchmark.md with the lines of the table as they were measured."""
     lines = [_line(policy, score) for policy, score in result().scores.items()]
     return re.sub(
         rf"({re.escape(HEAD)})(\|.*\n)*", lambda found: found[1] + "".join(lines), PAGE.read_text()

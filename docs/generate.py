@@ -1,9 +1,9 @@
 """Writes every file that is generated: keyspace.md, docs/reference.md, docs/api.md, docs/study.md,
 the JSON schema, and drawings.
 
-All follow from the code, those of the study from docs/study.json, and docs/policies.svg from the
-tables of docs/bounds.md, one of which is from docs/benchmark.json. `python -m docs.study` and
-`python -m docs.validation` measure anew.
+All follow from the code, those of the study from docs/study.json, docs/policies.svg from the tables
+of docs/bounds.md, and the table of docs/benchmark.md from docs/benchmark.json.
+`python -m docs.study` and `python -m docs.validation` measure anew.
 """
 
 import json
@@ -44,7 +44,7 @@ def generated() -> dict[str, str]:
         "docs/reference.md": reference.document(),
         "docs/study.md": study.document(),
         "docs/study.svg": study.picture(),
-        "docs/bounds.md": benchmark.document(),
+        "docs/benchmark.md": benchmark.document(),
         "docs/policies.svg": policies.picture(),
         "docs/validation.md": validation.document(),
         **validation.pictures(),

@@ -18,7 +18,7 @@ def study(chosen: StudyArguments) -> None:
 @with_options(BenchmarkOptions)
 def benchmark(chosen: BenchmarkOptions) -> None:
     """Score a dispatch policy in twenty fixed orchards, beside the built-in ones:
-    docs/bounds.md.
+    docs/benchmark.md.
     """
     with needs_extra("A benchmark", "study,optimum", ", or in a clone: make study"):
         from orchard.study.benchmark.command import run_benchmark

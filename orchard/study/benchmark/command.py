@@ -86,7 +86,15 @@ def _result(chosen: BenchmarkOptions, known: dict[str, Scenario]) -> BenchmarkRe
             shown.update(task, completed=share)
 
         with as_typed(lambda path: "POLICY"):
-            asked = Benchmark(chosen.policy, known, store, workers, chosen.check, show, is_stopped)
+            asked = Benchmark(
+                chosen.policy,
+                known,
+                store,
+                workers,
+                is_checked=chosen.check,
+                tell=show,
+                is_stopped=is_stopped,
+            )
         return asked.run()
 
 
@@ -99,11 +107,14 @@ def _print(result: BenchmarkResult) -> None:
     )
     print_line(f"{result.policy} has {_percent(score)} % of what is proven possible; {others}.")
     console.print(_scores(result))
-    if jams := [
+    for line in result.too_slow:
+        print_line(f"- score 0: {line}")
+    jams = [
         (one.orchard, count)
         for one in result.of(result.policy)
         if (count := one.seconds.count(None))
-    ]:
+    ]
+    if jams and not result.too_slow:
         counts = ", ".join(f"{count} of {name}" for name, count in jams)
         print_line(
             "- never finished, as robots waited for each other, or for a carrier that was not"

@@ -2,31 +2,37 @@
 shortest ones that are possible?
 
 The score of a harvest is what is proven of the shortest one, as a share of the time that it took:
-no policy has more than 1. A harvest that is never finished has 0. A policy's score is the mean over
-the orchards, and that of an orchard the mean over its seeds.
+no policy has more than 1. A harvest that is never finished has 0, and so has one for which a policy
+of the user's own took too long to decide. A policy's score is the mean over the orchards, and that
+of an orchard the mean over its seeds.
+
+A policy of the user's own is asked in a process of its own, which gets only what robots report. The
+built-in ones run as in a study: they know no more.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from importlib.resources import files
 from math import inf
 from statistics import fmean
 
-import orchard.optimum.schedule  # noqa: F401  # the workers need its extra: without it, this is told before they start
-from orchard.behaviour.catalogue import check_plugins
-from orchard.field.layout import lay_out
 from orchard.field.scenario import DISPATCH_POLICIES, Scenario, check, with_changes
 from orchard.field.yaml_file import values_of
+from orchard.optimum import schedule as _schedule  # noqa: F401  # the workers need its extra: without it, this is told before they start
+from orchard.study.benchmark.asked import Limits
+from orchard.study.benchmark.own_harvests import OwnHarvest, OwnHarvests, OwnResult, check_policy
 from orchard.study.replications import Replications
 from orchard.study.result import Model
-from orchard.study.runs import software
+from orchard.study.runs import RunFailed, software
 from orchard.study.settings import Setting
 from orchard.study.store import Store
 from orchard.study.workers import Workers
 
 ORCHARDS = "benchmark.yaml"
 SEEDS = 3  # of each orchard in which something is random
+ROUNDING = 1e-6  # s
+USUAL_LIMITS = Limits()
 
 
 def orchards() -> dict[str, Scenario]:
@@ -37,6 +43,10 @@ def orchards() -> dict[str, Scenario]:
         name: check(values["all"] | one, f"{ORCHARDS}: {name}")
         for name, one in values["orchards"].items()
     }
+
+
+class ShorterThanProven(RunFailed):
+    """Raised for a harvest that cannot be: the bound, the model or the recording is wrong."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +61,15 @@ class Harvests:
     proven: list[float]  # s; no harvest is shorter
     seconds: list[float | None]  # by the fast model; None: it was never finished
     checked: list[float | None]  # by the simulator, if it was asked
+
+    def __post_init__(self) -> None:
+        for proven, seconds in zip(self.proven, self.seconds, strict=True):
+            if seconds is not None and seconds < proven - ROUNDING:
+                raise ShorterThanProven(
+                    f"{self.orchard}: a harvest with {self.policy} took {seconds:.1f} s, and it is"
+                    f" proven that none takes less than {proven:.1f} s; no score is given: please"
+                    " report it, with the policy"
+                )
 
     @property
     def score(self) -> float:
@@ -79,6 +98,8 @@ class BenchmarkResult:
     scores: dict[str, float]  # policy -> its score, 0 to 1, the best first
     harvests: list[Harvests]
     notes: list[str]  # in the simulator: faults of own classes, and invariants that did not hold
+    # A line for each harvest for which the policy took too long.
+    too_slow: list[str] = field(default_factory=list)
     version: str
 
     def of(self, policy: str) -> list[Harvests]:
@@ -96,20 +117,23 @@ class Benchmark:
         known: Mapping[str, Scenario],
         store: Store,
         workers: Workers,
+        *,
         is_checked: bool = False,
         tell: Callable[[float], None] = lambda share: None,
         is_stopped: Callable[[], bool] = lambda: False,
+        limits: Limits = USUAL_LIMITS,
     ) -> None:
         """`known`: orchards by name. `is_checked`: the simulator does these harvests too.
 
-        `tell` hears which share of all is done. Raises ScenarioError for a policy that cannot be
-        used.
+        `tell` hears which share of all is done. `limits`: how long a policy of one's own may take.
+        Raises ScenarioError for a policy that cannot be used.
         """
         self.policy = policy
         self.known = known
         self.workers = workers
         self.tell = tell
         self.is_stopped = is_stopped
+        self.is_own = policy not in DISPATCH_POLICIES
         policies = dict.fromkeys([policy, *DISPATCH_POLICIES])
         self.cells = [(name, of_cell) for of_cell in policies for name in known]
         self.settings = [
@@ -117,8 +141,10 @@ class Benchmark:
         ]
         # The settings of `policy` come first.
         self.own = range(len(known))
-        for number in self.own:
-            check_plugins(lay_out(self.settings[number].scenario))
+        if self.is_own:
+            check_policy(policy, next(iter(known.values())), limits)
+        self.own_harvests = OwnHarvests(policy, limits, workers.count)
+        self.own_results = dict[str, list[OwnResult]]()
         self.checked = self.own if is_checked else ()
         # Name of an orchard -> the setting that gives its bound: it is the same with each policy.
         self.bounds = {
@@ -133,23 +159,51 @@ class Benchmark:
             self.settings, "harvest_seconds", "harvest", store, workers, self._hear, is_stopped
         )
 
+    def _seeds(self, number: int) -> int:
+        """Return with how many seeds a setting is harvested: one if nothing is random."""
+        orchard, _ = self.cells[number]
+        return SEEDS if Setting({}, self.known[orchard]).is_random else 1
+
     def _count_runs(self) -> int:
-        """Return how many runs and bounds there are in all."""
-        counts = [SEEDS if setting.is_random else 1 for setting in self.settings]
+        """Return how many runs and bounds there are in all, but those of a policy of one's own."""
+        built_in = range(len(self.known) if self.is_own else 0, len(self.settings))
         bounds = len(self.known) + (SEEDS - 1) * len(self.drawn)
-        return bounds + sum(counts) + sum(counts[number] for number in self.checked)
+        return bounds + sum(map(self._seeds, [*built_in, *self.checked]))
 
     def run(self) -> BenchmarkResult | None:
         """Do what the store does not know, and return all; None if it was stopped.
 
-        Raises WorkersError, RunFailed or StoreFailed.
+        A policy of one's own is asked anew each time. Raises WorkersError, RunFailed or
+        StoreFailed.
         """
+        if self.is_own and not self._ask_own():
+            return None
         do = partial(self.runs.do, until=inf)
-        is_known = do(range(len(self.settings)), "fast", SEEDS) and do(
-            self.bounds.values(), "proven", 1
+        built_in = range(len(self.known) if self.is_own else 0, len(self.settings))
+        is_known = do(built_in, "fast", SEEDS) and do(self.bounds.values(), "proven", 1)
+        is_known = is_known and do(self.drawn, "proven", SEEDS)
+        return self._result() if is_known and self._check() else None
+
+    def _ask_own(self) -> bool:
+        """Do the harvests of a policy of one's own. Return whether all are done."""
+        harvests = list[OwnHarvest]()
+        for number, (orchard, scenario) in enumerate(self.known.items()):
+            for more in range(self._seeds(number)):
+                seeded = with_changes(scenario, seed=scenario.seed + more)
+                harvests.append(OwnHarvest(orchard, seeded))
+        results = self.own_harvests.do(harvests, self.is_stopped)
+        if results is None:
+            return False
+        for harvest, result in zip(harvests, results, strict=True):
+            self.own_results.setdefault(harvest.orchard, []).append(result)
+        return True
+
+    def _check(self) -> bool:
+        """Do the harvests of the policy by the simulator, if wanted. Return whether all are."""
+        return all(
+            self.runs.do([number], "full", self._seeds(number), until=inf)
+            for number in self.checked
         )
-        is_whole = is_known and do(self.drawn, "proven", SEEDS) and do(self.checked, "full", SEEDS)
-        return self._result() if is_whole else None
 
     def _hear(self) -> None:
         """Tell how far it is.
@@ -176,6 +230,7 @@ class Benchmark:
             scores=dict(scores),
             harvests=harvests,
             notes=self._notes(),
+            too_slow=self._too_slow(),
             version=software(),
         )
 
@@ -193,7 +248,18 @@ class Benchmark:
             checked=checked,
         )
 
+    def _too_slow(self) -> list[str]:
+        lines = []
+        for orchard, results in self.own_results.items():
+            for seed, result in enumerate(results, start=self.known[orchard].seed):
+                if result.too_slow:
+                    lines.append(f"{orchard}, seed {seed}: {result.too_slow}")
+        return lines
+
     def _seconds(self, i: int, model: Model) -> list[float | None]:
+        orchard, policy = self.cells[i]
+        if model == "fast" and self.is_own and policy == self.policy:
+            return [result.played.seconds for result in self.own_results[orchard]]
         return [
             None if record.ended == "jammed" else record.sim_seconds
             for record in self.runs.known(i, model)

@@ -1,0 +1,217 @@
+"""A policy in a process of its own, as the benchmark asks it.
+
+The process gets no argument but its module, few variables of the environment, and no file but two
+pipes. This process cannot be looked into by others of the same user.
+"""
+
+import ctypes
+import os
+import selectors
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from types import TracebackType
+
+from orchard.behaviour.dispatcher import PolicyFault, checked
+from orchard.dispatch.policy import Assignment, BinReport, CarrierReport
+from orchard.field.problems import printable
+from orchard.field.scenario import Scenario, with_changes
+from orchard.start_module import command_for
+from orchard.study.benchmark.exchange import (
+    HEAD_BYTES,
+    LARGEST_ANSWER,
+    Answer,
+    Ask,
+    Begin,
+    Fault,
+    Gone,
+    Load,
+    Orders,
+    Over,
+    Question,
+    Ready,
+    answer_of,
+    framed,
+)
+from orchard.study.benchmark.seen import nothing_drawn
+
+# s of the clock that a decision may take.
+DECISION_SECONDS = 1.0
+# s until a policy can be asked: what it imports, as a library for learning, takes long to load.
+BEGIN_SECONDS = 120.0
+# Variables of the environment that a policy's process gets.
+ENVIRONMENT = (
+    "HOME",
+    "LANG",
+    "LC_ALL",
+    "LD_LIBRARY_PATH",
+    "NUMBA_CACHE_DIR",
+    "OMP_NUM_THREADS",
+    "PATH",
+    "TMPDIR",
+    "VIRTUAL_ENV",
+)
+_MODULE = "orchard.study.benchmark.policy_process"
+# Of Linux, for prctl.
+_SET_DUMPABLE = 4
+
+
+class TooSlow(Exception):
+    """Raised for a decision that takes longer than it may."""
+
+
+class PolicyRefused(Exception):
+    """Raised for a policy that cannot be made: the text says why, and where in the user's file."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How long a policy may take, s of the clock."""
+
+    decision_seconds: float = DECISION_SECONDS
+    begin_seconds: float = BEGIN_SECONDS
+
+
+class PolicyProcess:
+    """The process of a policy. It begins with the first harvest, and anew after each fault."""
+
+    def __init__(self, policy: str, limits: Limits) -> None:
+        """`policy`: its name in a scenario."""
+        self.policy = policy
+        self._limits = limits
+        self._process: subprocess.Popen[bytes] | None = None
+        self._tick = 0
+
+    def __enter__(self) -> "PolicyProcess":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+    def begin(self, scenario: Scenario) -> bool:
+        """Begin a harvest. Return whether bins report before they are full.
+
+        Raises PolicyRefused, PolicyFault or TooSlow.
+        """
+        if self._process is None:
+            self._start()
+            self._tell(Load(self.policy))
+        seen = with_changes(nothing_drawn(scenario), dispatch=self.policy)
+        self._tell(Begin(seen.model_dump_json()))
+        self._tick = 0
+        answer = self._answer(self._limits.begin_seconds, "to begin")
+        if isinstance(answer, Fault):
+            # Its process has ended.
+            self.stop()
+            raise PolicyRefused(printable(answer.text, 1000))
+        if not isinstance(answer, Ready):
+            raise self._fault("it gave no answer of a policy when it began")
+        return answer.is_early
+
+    def orders(
+        self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport]
+    ) -> list[Assignment]:
+        """Return what the policy decides at a tick. Raises PolicyFault or TooSlow."""
+        self._tick = now
+        self._tell(Ask(now, list(bins), list(carriers)))
+        answer = self._answer(self._limits.decision_seconds, "for a decision")
+        if isinstance(answer, Fault):
+            self.stop()
+            raise PolicyFault(printable(answer.text, 1000))
+        if not isinstance(answer, Orders):
+            raise self._fault("its process gave another answer than orders")
+        try:
+            return checked(answer.orders, list(bins), list(carriers))
+        except (TypeError, ValueError) as error:
+            raise self._fault(str(error)) from None
+
+    def end(self) -> None:
+        """Over the harvest."""
+        self._tell(Over())
+
+    def stop(self) -> None:
+        """Over the process, with all that it has started in its group."""
+        if self._process is None:
+            return
+        with suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.communicate()
+        self._process = None
+
+    def _start(self) -> None:
+        hide_memory()
+        environment = {name: os.environ[name] for name in ENVIRONMENT if name in os.environ}
+        # It finds the modules that this process finds.
+        environment["PYTHONPATH"] = os.pathsep.join(path for path in sys.path if path)
+        self._process = subprocess.Popen(
+            command_for(_MODULE, []),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=environment,
+            bufsize=0,
+            start_new_session=True,
+        )
+
+    def _tell(self, question: Question) -> None:
+        """Send a question. A process that has ended is noticed when its answer is read."""
+        assert self._process is not None and self._process.stdin is not None
+        with suppress(BrokenPipeError):
+            self._process.stdin.write(framed(question))
+
+    def _answer(self, seconds: float, purpose: str) -> Answer:
+        """Return the next answer. `purpose`: what takes the time, as "for a decision".
+
+        Raises PolicyFault or TooSlow.
+        """
+        until = time.monotonic() + seconds
+        too_slow = TooSlow(
+            f"dispatch policy {self.policy}, tick {self._tick}: it took more than {seconds:g} s"
+            f" {purpose}"
+        )
+        size = int.from_bytes(self._read(HEAD_BYTES, until, too_slow), "big")
+        if size > LARGEST_ANSWER:
+            raise self._fault(f"its answer has {size} bytes; at most {LARGEST_ANSWER}")
+        try:
+            answer = answer_of(self._read(size, until, too_slow))
+        except ValueError as error:
+            raise self._fault(f"its process wrote no answer of a policy: {error}") from None
+        if isinstance(answer, Gone):
+            raise self._fault(f"it ended its process, with code {answer.code}")
+        return answer
+
+    def _read(self, size: int, until: float, too_slow: TooSlow) -> bytes:
+        """Return so many bytes of an answer. Raises `too_slow`, or PolicyFault at its end."""
+        assert self._process is not None and self._process.stdout is not None
+        pipe = self._process.stdout.fileno()
+        content = b""
+        with selectors.DefaultSelector() as selector:
+            selector.register(pipe, selectors.EVENT_READ)
+            while len(content) < size:
+                if not selector.select(max(0.0, until - time.monotonic())):
+                    self.stop()
+                    raise too_slow
+                part = os.read(pipe, size - len(content))
+                if not part:
+                    raise self._fault("its process ended")
+                content += part
+        return content
+
+    def _fault(self, text: str) -> PolicyFault:
+        """Return the error for an answer that cannot be, and end the process."""
+        self.stop()
+        return PolicyFault(f"dispatch policy {self.policy}, tick {self._tick}: {text}")
+
+
+def hide_memory() -> None:
+    """Let no other process of this user look into this one: on Linux."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_SET_DUMPABLE, 0, 0, 0, 0)

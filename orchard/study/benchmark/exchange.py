@@ -1,0 +1,100 @@
+"""What the benchmark and the process of a policy say to each other: msgpack over two pipes.
+
+The benchmark names the policy (`Load`), begins a harvest with the orchard in which nothing is drawn
+(`Begin`), asks for each decision (`Ask`), and ends the harvest (`Over`). It hears `Ready`, then for
+each question `Orders`; or what is wrong (`Fault`), or that the policy has ended its process
+(`Gone`).
+"""
+
+from typing import BinaryIO
+
+import msgspec
+
+from orchard.dispatch.policy import Assignment, BinReport, CarrierReport
+
+# Bytes before a message, which say how many it has.
+HEAD_BYTES = 4
+# Bytes. More than all orders of the largest orchard need.
+LARGEST_ANSWER = 100_000
+
+
+class Load(msgspec.Struct, tag=True, frozen=True):
+    """Import the module of a policy."""
+
+    policy: str
+
+
+class Begin(msgspec.Struct, tag=True, frozen=True):
+    """Begin a harvest."""
+
+    #: As JSON. Nothing is drawn in it.
+    scenario: str
+
+
+class Ask(msgspec.Struct, tag=True, frozen=True):
+    """Decide."""
+
+    now: int  #: tick
+    bins: list[BinReport]
+    carriers: list[CarrierReport]
+
+
+class Over(msgspec.Struct, tag=True, frozen=True):
+    """The harvest is over."""
+
+
+Question = Load | Begin | Ask | Over
+
+
+class Ready(msgspec.Struct, tag=True, frozen=True):
+    """The policy can be asked."""
+
+    #: Whether bins report to it before they are full.
+    is_early: bool
+
+
+class Orders(msgspec.Struct, tag=True, frozen=True):
+    """A decision."""
+
+    orders: list[Assignment]
+
+
+class Fault(msgspec.Struct, tag=True, frozen=True):
+    """The policy cannot be used, or has decided what cannot be."""
+
+    text: str
+
+
+class Gone(msgspec.Struct, tag=True, frozen=True):
+    """The policy has ended its process."""
+
+    #: The exit code; below 0, the signal that ended it.
+    code: int
+
+
+Answer = Ready | Orders | Fault | Gone
+
+_encoder = msgspec.msgpack.Encoder()
+_questions = msgspec.msgpack.Decoder(Question)
+_answers = msgspec.msgpack.Decoder(Answer)
+
+
+def framed(message: Question | Answer) -> bytes:
+    """Return a message as it is sent."""
+    body = _encoder.encode(message)
+    return len(body).to_bytes(HEAD_BYTES, "big") + body
+
+
+def answer_of(body: bytes) -> Answer:
+    """Return an answer. Raises ValueError for what is none."""
+    answer: Answer = _answers.decode(body)
+    return answer
+
+
+def next_question(stream: BinaryIO) -> Question | None:
+    """Return the next question; None if there is none, because the benchmark is over."""
+    head = stream.read(HEAD_BYTES)
+    if len(head) < HEAD_BYTES:
+        return None
+    question: Question = _questions.decode(stream.read(int.from_bytes(head, "big")))
+    return question

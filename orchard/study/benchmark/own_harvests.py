@@ -1,0 +1,129 @@
+"""The harvests of a user's own policy: several at a time, each asked in a process of its own."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+from threading import Event
+
+from orchard.behaviour.dispatcher import PolicyFault
+from orchard.field.layout import lay_out
+from orchard.field.problems import Problem, ScenarioError
+from orchard.field.scenario import Scenario
+from orchard.study.benchmark.asked import Limits, PolicyProcess, PolicyRefused, TooSlow
+from orchard.study.benchmark.play import Played, play
+from orchard.study.runs import RunFailed
+
+# s between two looks whether to stop.
+GLANCE = 0.2
+
+
+@dataclass(frozen=True)
+class OwnHarvest:
+    """A harvest to do."""
+
+    orchard: str
+    #: With its seed.
+    scenario: Scenario
+
+
+@dataclass(frozen=True)
+class OwnResult:
+    """What came of it."""
+
+    played: Played
+    #: Why it has no score; '' if it has one.
+    too_slow: str = ""
+
+
+def check_policy(policy: str, scenario: Scenario, limits: Limits) -> None:
+    """Make a policy once. Raises ScenarioError for one that cannot be used."""
+    with PolicyProcess(policy, limits) as process:
+        try:
+            process.begin(scenario)
+        except (PolicyRefused, PolicyFault, TooSlow) as error:
+            raise ScenarioError([Problem("scenario", str(error), "dispatch", policy)]) from None
+
+
+class OwnHarvests:
+    """Does harvests with a policy, so many at a time.
+
+    Threads do them: a harvest mostly waits for its policy.
+    """
+
+    def __init__(self, policy: str, limits: Limits, count: int) -> None:
+        """`count`: of processes."""
+        self._policy = policy
+        self._limits = limits
+        self._count = count
+
+    def do(
+        self,
+        harvests: Sequence[OwnHarvest],
+        is_stopped: Callable[[], bool],
+    ) -> list[OwnResult] | None:
+        """Return what came of each; None if it was stopped.
+
+        Raises RunFailed for the first of those that failed.
+        """
+        batch = _Batch(harvests)
+        with ThreadPoolExecutor(self._count) as threads:
+            working = {threads.submit(self._work, batch) for _ in range(self._count)}
+            while working:
+                done, working = wait(working, GLANCE)
+                if is_stopped():
+                    batch.is_over.set()
+                for future in done:
+                    future.result()
+        if batch.faults:
+            raise RunFailed(batch.faults[min(batch.faults)])
+        if len(batch.results) < len(harvests):
+            return None
+        return [batch.results[number] for number in range(len(harvests))]
+
+    def _work(self, batch: "_Batch") -> None:
+        """Do harvests of a batch until it is over, in one process of the policy."""
+        with PolicyProcess(self._policy, self._limits) as process:
+            while not batch.is_over.is_set():
+                try:
+                    number = batch.queue.get_nowait()
+                except Empty:
+                    return
+                try:
+                    batch.results[number] = _played(process, batch.harvests[number])
+                except (PolicyFault, PolicyRefused) as fault:
+                    batch.fail(number, str(fault))
+
+
+class _Batch:
+    """Harvests to do, by their numbers, and what came of them."""
+
+    def __init__(self, harvests: Sequence[OwnHarvest]) -> None:
+        self.harvests = harvests
+        self.queue = SimpleQueue[int]()
+        for number in range(len(harvests)):
+            self.queue.put(number)
+        self.results = dict[int, OwnResult]()
+        self.faults = dict[int, str]()
+        self.is_over = Event()
+
+    def fail(self, number: int, fault: str) -> None:
+        """Note that a harvest failed: no other one begins."""
+        harvest = self.harvests[number]
+        self.faults[number] = f"{harvest.orchard}, seed {harvest.scenario.seed}: {fault}"
+        self.is_over.set()
+
+
+def _played(process: PolicyProcess, harvest: OwnHarvest) -> OwnResult:
+    """Do a harvest. One that the policy is too slow for is never finished.
+
+    Raises PolicyFault or PolicyRefused.
+    """
+    layout = lay_out(harvest.scenario)
+    try:
+        is_early = process.begin(harvest.scenario)
+        played = play(layout, is_early, process.orders)
+        process.end()
+    except TooSlow as error:
+        return OwnResult(Played(seconds=None), str(error))
+    return OwnResult(played)

@@ -1,0 +1,67 @@
+"""A harvest of the event model in which a policy is asked from outside, and its decisions are
+recorded.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from orchard.dispatch.policy import Assignment, BinReport, CarrierReport
+from orchard.event_model import columns as c
+from orchard.event_model.harvest import EventHarvest
+from orchard.event_model.results import JAM, LONGEST
+from orchard.field.layout import Layout
+
+# Returns the orders at a tick.
+Decide = Callable[[int, Sequence[BinReport], Sequence[CarrierReport]], list[Assignment]]
+
+
+@dataclass(frozen=True)
+class GivenOrders:
+    """The orders that were given at a tick."""
+
+    tick: int
+    orders: list[Assignment]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Played:
+    """How a harvest went."""
+
+    #: None: it was never finished.
+    seconds: float | None
+    #: Those in which a carrier was sent.
+    decisions: list[GivenOrders] = field(default_factory=list)
+
+
+def play(layout: Layout, is_early: bool, decide: Decide) -> Played:
+    """Do a harvest. `is_early`: whether bins report before they are full.
+
+    Raises what `decide` raises.
+    """
+    harvest = EventHarvest.paused(layout, is_early)
+    decisions = list[GivenOrders]()
+    longest = LONGEST * harvest.bins
+    until = 0
+    done_before = -1
+    reason = c.PAUSED
+    while until < longest and reason != c.ENDED and (harvest.done > done_before or harvest.drives):
+        done_before = harvest.done
+        until = min(longest, until + JAM)
+        reason = _carry_on(harvest, until, decide, decisions)
+    seconds = harvest.seconds if harvest.is_over else None
+    return Played(seconds=seconds, decisions=decisions)
+
+
+def _carry_on(
+    harvest: EventHarvest, until: int, decide: Decide, decisions: list[GivenOrders]
+) -> int:
+    """Carry a harvest on to a tick, and note its decisions. Return why it stopped."""
+    while True:
+        reason = harvest.advance(until)
+        if reason != c.ASKS_POLICY:
+            return reason
+        question = harvest.decision
+        orders = decide(question.now, question.bins, question.carriers)
+        if orders:
+            decisions.append(GivenOrders(question.now, orders))
+        harvest.decide(question, orders)

@@ -1,0 +1,111 @@
+"""The process in which a policy of the benchmark runs.
+
+It imports the policy's module once. For each harvest it forks a process that asks a new object of
+the class. So no harvest can know what happened in another one.
+"""
+
+import ctypes
+import os
+import sys
+from contextlib import suppress
+from typing import BinaryIO
+
+import msgspec
+
+from orchard.behaviour.dispatcher import PolicyFault
+from orchard.event_model.policies import AskedPolicy
+from orchard.field.layout import lay_out
+from orchard.field.plugins import MISTAKES, import_own
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import Scenario
+from orchard.study.benchmark.exchange import (
+    Ask,
+    Begin,
+    Fault,
+    Gone,
+    Load,
+    Orders,
+    Ready,
+    framed,
+    next_question,
+)
+from orchard.study.benchmark.seen import layout_seen
+
+# Exit code of a harvest's process that was told to end.
+TOLD_TO_END = 77
+# Of Linux: prctl, and the size of what capset takes.
+_DIE_WITH_PARENT = 1
+_SIGKILL = 9
+_CAPABILITIES_VERSION = 0x20080522
+_CAPABILITY_WORDS = 6
+
+
+def main() -> None:
+    """Answer the questions that come over stdin, on stdout, until there are no more.
+
+    What a policy prints goes to stderr.
+    """
+    questions = os.fdopen(os.dup(0), "rb", buffering=0)
+    answers = os.fdopen(os.dup(1), "wb", buffering=0)
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    os.dup2(2, 1)
+    _drop_rights()
+    while (question := next_question(questions)) is not None:
+        if isinstance(question, Load):
+            # What is wrong with it is told when it is made.
+            with suppress(*_passed_over()):
+                import_own(question.policy.replace(":", ".").rpartition(".")[0])
+        elif isinstance(question, Begin):
+            _in_fork(question, questions, answers)
+
+
+def _passed_over() -> tuple[type[BaseException], ...]:
+    return (MISTAKES,)
+
+
+def _in_fork(begin: Begin, questions: BinaryIO, answers: BinaryIO) -> None:
+    """Let a process of its own answer the questions of a harvest."""
+    scenario = Scenario.model_validate_json(begin.scenario)
+    # It is kept, and the next harvest of this orchard begins sooner.
+    lay_out(scenario)
+    child = os.fork()
+    if child == 0:
+        _drop_rights()
+        with suppress(BrokenPipeError):
+            _harvest(scenario, questions, answers)
+        os._exit(TOLD_TO_END)
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if code != TOLD_TO_END:
+        answers.write(framed(Gone(code)))
+
+
+def _harvest(scenario: Scenario, questions: BinaryIO, answers: BinaryIO) -> None:
+    """Answer the questions of a harvest, up to its end or the first fault."""
+    try:
+        policy = AskedPolicy(layout_seen(scenario))
+    except ScenarioError as error:
+        answers.write(framed(Fault("\n".join(problem.text for problem in error.problems))))
+        return
+    answers.write(framed(Ready(policy.is_early)))
+    while isinstance(question := next_question(questions), Ask):
+        try:
+            orders = policy.orders(question.now, question.bins, question.carriers)
+            answer = framed(Orders(orders))
+        except (PolicyFault, msgspec.MsgspecError) as fault:
+            answers.write(framed(Fault(str(fault))))
+            return
+        answers.write(answer)
+
+
+def _drop_rights() -> None:
+    """Give up what would let this process look into others, and end with its parent: on Linux."""
+    if sys.platform != "linux":
+        return
+    library = ctypes.CDLL(None)
+    library.prctl(_DIE_WITH_PARENT, _SIGKILL, 0, 0, 0)
+    head = (ctypes.c_uint32 * 2)(_CAPABILITIES_VERSION, 0)
+    library.capset(head, (ctypes.c_uint32 * _CAPABILITY_WORDS)())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,152 @@
+"""Policies that cheat, and what happens to each: docs/benchmark.md lists them."""
+
+import os
+import re
+import sys
+
+import pytest
+
+from orchard.behaviour.dispatcher import PolicyFault
+from orchard.discrete.harvest import DiscreteHarvest
+from orchard.dispatch.policies import dispatch_of
+from orchard.field.layout import lay_out
+from orchard.field.scenario import Scenario, with_changes
+from orchard.study.benchmark.asked import Limits, PolicyProcess, PolicyRefused, TooSlow
+from orchard.study.benchmark.play import Played, play
+from orchard.study.benchmark.scores import Harvests, ShorterThanProven, orchards
+from orchard.study.benchmark.seen import HiddenFromPolicy, layout_seen, nothing_drawn
+
+# A busy machine reaches none of these.
+PATIENT = Limits(decision_seconds=120.0, begin_seconds=300.0)
+# Everything that the seed can draw is drawn.
+DRAWN = with_changes(
+    Scenario(
+        rows=4,
+        pickers=2,
+        carriers=2,
+        picking_speed=0.1,
+        seed=8_675_309,
+        picking={"spread": {"distribution": "lognormal", "cv": 0.3}},
+        carrying={"failure": {"mean_between": 300.0, "mean_repair": 60.0}},
+    ),
+    people={"workers": 2, "visitors": 0},
+)
+
+
+def played(policy: str, scenario: Scenario = DRAWN, limits: Limits = PATIENT) -> Played:
+    with PolicyProcess(f"cheating_policies.{policy}", limits) as process:
+        is_early = process.begin(scenario)
+        harvest = play(lay_out(scenario), is_early, process.orders)
+        process.end()
+        return harvest
+
+
+@pytest.mark.parametrize(
+    ("cheat", "said"),
+    [
+        ("SeedReader", r"HiddenFromPolicy: layout\.scenario\.seed is hidden from a policy"),
+        ("SeedReaderWithDefault", r"HiddenFromPolicy: layout\.scenario\.seed is hidden"),
+        ("DumpReader", r"Found: \(0, \{'distribution': 'none', .*\{'workers': 0, 'visitors': 0\}"),
+        ("ModuleReader", r"Found: \['orchards'\]"),
+    ],
+)
+def test_a_class_that_asks_for_what_is_drawn_is_refused(cheat, said):
+    """What a dump shows is what nobody has drawn; the names of public orchards are public."""
+    with pytest.raises(PolicyRefused, match=rf"cannot be used: {said}.*cheating_policies\.py, l"):
+        played(cheat)
+
+
+@pytest.mark.parametrize(
+    ("cheat", "said"),
+    [
+        ("FailureReader", r"HiddenFromPolicy: layout\.scenario\.carrying\.failure is hidden from"),
+        ("SpeedReader", r"Found: \[0\.1\]"),
+        ("GuestReader", r"Found: \['bin', 'carrier', 'picker', 'tractor'\]"),
+        ("StackClimber", r"Found: \(False, False\)"),
+        ("ArgumentReader", r"Found: \(\[\], \[\]\)"),
+        ("Raiser", r"Found: nothing"),
+        ("Exiter", r"it ended its process, with code 0"),
+        ("Crasher", r"it ended its process, with code -11"),
+        ("Inventor", r"assigns carrier carrier_99, which is not available; available: carrier_"),
+        ("Forger", r"its process wrote no answer of a policy"),
+        ("Flooder", r"its answer has 2147483647 bytes; at most 100000"),
+        ("Boaster", r"assigns bin b+\.\.\."),
+    ],
+)
+def test_a_cheat_in_a_decision_ends_with_its_name(cheat, said):
+    """Each message says which policy, at which tick, and what it did."""
+    wanted = rf"dispatch policy cheating_policies\.{cheat}, tick \d+: .*{said}"
+    with pytest.raises(PolicyFault, match=wanted):
+        played(cheat)
+
+
+def test_no_object_of_a_policys_process_has_the_seed():
+    with pytest.raises(PolicyFault) as caught:
+        played("Collector")
+    assert re.search(r"Found: \(False, \[", str(caught.value))
+    assert str(DRAWN.seed) not in str(caught.value)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems ask no capability")
+def test_a_policy_opens_neither_memory_nor_environment_above():
+    """It may look into the process that forked it, which knows no more than it does.
+
+    What stands above the benchmark, as the shell, is not the benchmark's.
+    """
+    with pytest.raises(PolicyFault) as caught:
+        played("MemoryReader")
+    found = re.search(r"Found: (\[.*?\])", str(caught.value))[1]
+    benchmark = f"'{_name_of(os.getpid())}', 'mem', False"
+    assert benchmark not in found
+
+
+def _name_of(pid: int) -> str:
+    with open(f"/proc/{pid}/comm", encoding="utf-8") as file:
+        return file.read().strip()
+
+
+def test_a_patch_of_the_model_changes_nothing():
+    assert played("Patcher") == played("Honest")
+
+
+@pytest.mark.parametrize("cheat", ["Sleeper", "Spinner"])
+def test_a_decision_that_takes_too_long_ends_the_harvest(cheat):
+    limits = Limits(decision_seconds=0.05, begin_seconds=300.0)
+    wanted = rf"cheating_policies\.{cheat}, tick \d+: it took more than 0\.05 s for a decision"
+    with pytest.raises(TooSlow, match=wanted):
+        played(cheat, limits=limits)
+
+
+def test_no_harvest_knows_what_happened_in_another_one():
+    with PolicyProcess("cheating_policies.Learner", PATIENT) as process:
+        for seed in (1, 2):
+            scenario = with_changes(DRAWN, seed=seed)
+            is_early = process.begin(scenario)
+            assert play(lay_out(scenario), is_early, process.orders).seconds is not None
+            process.end()
+
+
+def test_a_harvest_shorter_than_its_proof_is_an_error():
+    words = {"orchard": "small-fast", "policy": "mine.Fast", "checked": []}
+    assert Harvests(**words, proven=[9.0], seconds=[9.0]).score == 1.0
+    with pytest.raises(ShorterThanProven, match=r"small-fast: a harvest with mine\.Fast took 8\.9"):
+        Harvests(**words, proven=[9.0], seconds=[8.9])
+
+
+@pytest.mark.parametrize("name", ["large-failures", "small-batteries", "large-slow"])
+@pytest.mark.parametrize("policy", ["rolling", "predictive-farthest"])
+def test_built_in_policies_know_no_more_in_process(name, policy):
+    """They run in the benchmark's process for speed, with the same result."""
+    scenario = with_changes(orchards()[name], dispatch=policy)
+    with PolicyProcess(policy, PATIENT) as process:
+        is_early = process.begin(scenario)
+        asked = play(lay_out(scenario), is_early, process.orders)
+    assert asked.seconds == DiscreteHarvest(lay_out(scenario)).run().seconds
+
+
+def test_a_seen_layout_gives_the_package_what_it_needs():
+    layout = layout_seen(nothing_drawn(DRAWN))
+    assert layout.picking_seconds(1, 10.0) == pytest.approx(100.0)
+    assert dispatch_of(layout)
+    with pytest.raises(HiddenFromPolicy, match=r"layout\.scenario\.picking\.spread is hidden"):
+        _ = layout.scenario.picking.spread

@@ -1,0 +1,208 @@
+"""Dispatch policies that try to know, or to be, more than a policy of the benchmark may. Each that
+finds something tells so by raising it.
+"""
+
+import ctypes
+import gc
+import os
+import sys
+import time
+from pathlib import Path
+
+from orchard import Assignment
+
+
+class Found(Exception):
+    """Raised by a cheat with what it has found."""
+
+
+class Honest:
+    """Sends free carriers to bins in the order of their names."""
+
+    early = True
+    Memory = dict
+
+    def __init__(self, layout):
+        self.layout = layout
+
+    def assign(self, now, bins, carriers, memory):
+        free = [carrier.name for carrier in carriers if carrier.is_next]
+        return [
+            Assignment(report.name, carrier) for report, carrier in zip(bins, free, strict=False)
+        ]
+
+
+class SeedReader(Honest):
+    def __init__(self, layout):
+        raise Found(layout.scenario.seed)
+
+
+class SeedReaderWithDefault(Honest):
+    def __init__(self, layout):
+        raise Found(getattr(layout.scenario, "seed", None))
+
+
+class FailureReader(Honest):
+    def assign(self, now, bins, carriers, memory):
+        raise Found(self.layout.scenario.carrying.failure)
+
+
+class SpeedReader(Honest):
+    def assign(self, now, bins, carriers, memory):
+        raise Found(sorted({lane.picking_speed for lane in self.layout.lanes}))
+
+
+class GuestReader(Honest):
+    def assign(self, now, bins, carriers, memory):
+        raise Found(sorted({start.kind for start in self.layout.starts}))
+
+
+class DumpReader(Honest):
+    def __init__(self, layout):
+        dump = layout.scenario.model_dump()
+        raise Found(dump["seed"], dump["picking"]["spread"], dump["people"])
+
+
+class StackClimber(Honest):
+    def assign(self, now, bins, carriers, memory):
+        names = []
+        frame = sys._getframe()
+        while frame is not None:
+            names += [type(value).__name__ for value in frame.f_locals.values()]
+            frame = frame.f_back
+        raise Found("EventHarvest" in names, "Benchmark" in names)
+
+
+class Collector(Honest):
+    def assign(self, now, bins, carriers, memory):
+        objects = gc.get_objects()
+        kinds = {type(found).__name__ for found in objects}
+        seeds = {
+            found["seed"]
+            for found in objects
+            if isinstance(found, dict) and type(found.get("seed")) is int
+        }
+        raise Found("EventHarvest" in kinds, sorted(seeds))
+
+
+class ModuleReader(Honest):
+    """Imports the benchmark, and looks which orchard this is."""
+
+    def __init__(self, layout):
+        from orchard.study.benchmark import scores
+
+        raise Found([name for name, value in vars(scores).items() if name == "orchards"])
+
+
+class MemoryReader(Honest):
+    """Looks into the processes above it."""
+
+    def assign(self, now, bins, carriers, memory):
+        opened = []
+        pid = os.getppid()
+        while pid > 1:
+            status = Path(f"/proc/{pid}/status").read_text().split()
+            name = status[1]
+            parent = int(status[status.index("PPid:") + 1])
+            for file in ("mem", "environ"):
+                try:
+                    Path(f"/proc/{pid}/{file}").open("rb").close()
+                    opened.append((name, file, pid == os.getppid()))
+                except PermissionError:
+                    pass
+            pid = parent
+        raise Found(opened)
+
+
+class ArgumentReader(Honest):
+    def assign(self, now, bins, carriers, memory):
+        wanted = ("PATH", "PYTHONPATH", "HOME", "LANG", "LC_ALL", "TMPDIR", "VIRTUAL_ENV")
+        known = (*wanted, "LC_CTYPE", "LD_LIBRARY_PATH", "NUMBA_CACHE_DIR", "OMP_NUM_THREADS")
+        rest = sorted(name for name in os.environ if name not in known)
+        raise Found(sys.argv[1:], rest)
+
+
+class Patcher(Honest):
+    """Shortens harvests, where it is."""
+
+    def __init__(self, layout):
+        super().__init__(layout)
+        from orchard.event_model.harvest import EventHarvest
+
+        EventHarvest.seconds = property(lambda harvest: 1.0)
+        EventHarvest.is_over = property(lambda harvest: True)
+        time.monotonic = lambda: 0.0
+
+
+class Sleeper(Honest):
+    def assign(self, now, bins, carriers, memory):
+        time.sleep(3600.0)
+
+
+class Spinner(Honest):
+    def assign(self, now, bins, carriers, memory):
+        while True:
+            pass
+
+
+class Raiser(Honest):
+    def assign(self, now, bins, carriers, memory):
+        raise Found("nothing")
+
+
+class Exiter(Honest):
+    def assign(self, now, bins, carriers, memory):
+        os._exit(0)
+
+
+class Crasher(Honest):
+    def assign(self, now, bins, carriers, memory):
+        ctypes.string_at(0)
+
+
+class Inventor(Honest):
+    def assign(self, now, bins, carriers, memory):
+        return [Assignment(report.name, "carrier_99") for report in bins]
+
+
+class Forger(Honest):
+    """Writes to the pipes of its process, in place of an answer."""
+
+    def assign(self, now, bins, carriers, memory):
+        for number in range(3, 64):
+            try:
+                os.write(number, b"\x00\x00\x00\x02no")
+            except OSError:
+                continue
+        return []
+
+
+class Flooder(Honest):
+    """Says that its answer is larger than the memory of most machines."""
+
+    def assign(self, now, bins, carriers, memory):
+        for number in range(3, 64):
+            try:
+                os.write(number, b"\x7f\xff\xff\xff")
+            except OSError:
+                continue
+        return []
+
+
+class Boaster(Honest):
+    """Orders carriers to bins with names of a million letters."""
+
+    def assign(self, now, bins, carriers, memory):
+        return [Assignment("b" * 1_000_000, "c") for _ in range(10)]
+
+
+class Learner(Honest):
+    """Remembers in its module what happened in the harvest before."""
+
+    harvests = 0
+
+    def __init__(self, layout):
+        super().__init__(layout)
+        type(self).harvests += 1
+        if self.harvests > 1:
+            raise Found(self.harvests)

@@ -60,6 +60,7 @@ LABELS = {
 # Units of values whose words name none.
 UNITS = {
     "pickers": "people",
+    "row_width": "m, tree line to tree line",
     "prices.picker_per_hour": "an hour",
     "prices.carrier_per_hour": "an hour",
     "prices.overhead_per_hour": "an hour",

@@ -1,4 +1,6 @@
-"""The page: presets, files and link on top, the form on the left, run and results on the right."""
+"""The page: presets, files and link on top, the form on the left, run, answer and results on the
+right.
+"""
 
 from copy import copy
 from dataclasses import dataclass
@@ -19,6 +21,7 @@ from orchard.app.own_classes import from_elsewhere, may_run
 from orchard.app.preview import FiguresView, derive
 from orchard.app.run_controls import RunControls
 from orchard.app.study_run import Studies
+from orchard.app.study_view import StudyView
 from orchard.app.views import ProgressView, Stage
 from orchard.app.what_if import Fork
 from orchard.field.layout import lay_out
@@ -43,8 +46,8 @@ TOO_LARGE = "The file is too large for a scenario, or it is not a .yaml file."
 UNDO_LINK = "Undo the link"
 NOT_ALL_UNDERSTOOD = "Not all of the link was understood"
 FIRST = (
-    "Choose a scenario at the top, change what you like, and press Run. "
-    "Watch the harvest under Picture; Summary tells how well it went."
+    "Enter your rows, and ask how many carriers they need. Or press Run: "
+    "watch the harvest under Picture; Summary tells how well it went."
 )
 
 
@@ -95,15 +98,10 @@ class Page:
             self._build_run()
             with _section("form", "Settings of the orchard"):
                 self.form = Form(self.draft)
+            with _section("answer-card", "How many carriers?"):
+                StudyView(self.studies, self.desk, lambda: self.draft.scenario, self._offer)
             with ui.element("div").classes("middle"):
-                self.stage = Stage(
-                    self.runs.folder,
-                    self.studies,
-                    self.desk,
-                    lambda: self.draft.scenario,
-                    self._offer,
-                    self._go_on,
-                )
+                self.stage = Stage(self.runs.folder, self._offer, self._go_on)
                 with _section("figures", "Figures before the run"):
                     self.figures = FiguresView()
 
@@ -125,14 +123,15 @@ class Page:
         button("Open", lambda: self._upload.run_method("pickFiles"), "open", "folder_open")
         self._save = button("Save", self._download, "save", "download")
         self._link = button("Link", self._show_link, "link", "link")
-        button("How many carriers?", self._ask_how_many, "how-many", "query_stats")
         dark = button("", self._turn_dark, "dark", "contrast")
         dark.props('aria-label="Dark or light" title="Dark or light"')
 
     def _build_run(self) -> None:
         with _section("run-card", "The run"):
             with ui.element("div").classes("wishes-and-run"):
-                self.wishes = RunControls(self.desk.settings)
+                with ui.expansion("How the run goes: mode, speed, end, picture") as self._how:
+                    self.wishes = RunControls(self.desk.settings)
+                self._how.classes("grow experts").props("data-view=how")
                 self.buttons = StartAndStop(
                     self.runs,
                     self.wishes.box,
@@ -263,13 +262,6 @@ class Page:
             copy_link = partial(ui.clipboard.write, link)
             button("Copy", copy_link, "copy", props="unelevated").classes("self-end")
 
-    def _ask_how_many(self) -> None:
-        """Turn to the study; on a phone it lies below the form."""
-        self.stage.turn_to_study()
-        ui.run_javascript(
-            "setTimeout(() => document.querySelector('.stage').scrollIntoView(), 100)"
-        )
-
     async def _turn_dark(self) -> None:
         """Turn to dark, or back to light. At first it is as the browser prefers."""
         self.desk.dark = not await ui.run_javascript(
@@ -332,6 +324,8 @@ class Page:
         wrong += [SETTINGS[name] for name in self.wishes.settings.problems]
         words = f"{counted_fields(len(wrong))} an invalid value: {', '.join(wrong)}"
         self.trouble.set_text(words if wrong else "")
+        if self.wishes.settings.problems:
+            self._how.open()
         self.buttons.update(not wrong)
         for action in (self._save, self._link):
             action.set_enabled(self.draft.scenario is not None)

@@ -1,4 +1,4 @@
-"""How many carriers? What to compare, the picture that grows, the answer, and settings to watch."""
+"""How many carriers? The answer, its picture that grows, settings to watch, and what to compare."""
 
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
@@ -22,12 +22,14 @@ from orchard.study.words import setting_words
 REDRAW_SECONDS = 1.0
 #: Sets the form to a scenario, under a name.
 Take = Callable[[Scenario, str], Awaitable[None]]
+HOW_MANY = "How many carriers?"
 HINT = (
-    "Tries numbers of carriers in the orchard of the form, as many as it takes, and tells how many"
-    " are worth it. Choose policies or routes to compare them, too; all else, and the prices, are"
-    " in the form."
+    "Tries numbers of carriers with your rows, people and prices, as many as it takes, and tells"
+    " how many are worth it. The answer grows while you look."
 )
 HORIZONS = {"long": "the long run", "harvest": "one harvest"}
+# Characters of the part of an answer that is shown large.
+LONGEST_HEADLINE = 60
 # Lines of a study that failed, which are shown.
 LAST_WORDS = 12
 
@@ -50,21 +52,26 @@ class StudyView:
         # The study, its result so far, and whether it was over.
         self._shown: tuple[StudyRun, StudyResult | None, bool] | None = None
         with ui.element("div").props("data-view=study"):
-            ui.label(HINT).classes("study-hint")
-            with ui.element("div").classes("study-fields") as self._fields:
-                self._build_fields()
             with ui.element("div").classes("study-buttons"):
+                self._fields = ui.element("div").classes("study-fields")
                 self._buttons = StartAndStop(
-                    studies, self._fields, "Start", self._start, ("study-start", "study-stop")
+                    studies, self._fields, HOW_MANY, self._start, ("study-start", "study-stop")
                 )
                 self._badge = ui.badge().props("data-view=study-state")
+                ui.label(HINT).classes("study-hint")
             self._trouble = note("data-problem=study role=alert")
-            self._answer = ui.label().classes("answer").props("data-view=answer role=status")
-            self._notes = ui.label().classes("classes").props("data-view=study-notes")
+            with ui.element("div").props("data-view=answer role=status"):
+                self._headline = note("", "answer-headline")
+                self._answer = note("", "answer")
+            self._notes = note("data-view=study-notes", "classes")
             self._picture = ui.html("", sanitize=False).classes("study-picture")
             self._picture.props("data-view=study-picture")
             self._table = ui.element("div").classes("summary sides").props("data-view=study-table")
             self._report = button("Save the report", self._download, "study-report", "download")
+            more = ui.expansion("Compare policies and routes, too").classes("experts")
+            self._fields.move(more.props("data-view=study-more"))
+            with self._fields:
+                self._build_fields()
         self._enter()
         ui.timer(REDRAW_SECONDS, self._watch)
 
@@ -169,22 +176,31 @@ class StudyView:
         # This is read before the result: once the study is over, its result is the last one.
         is_over = study.is_over
         result = study.result
+        if result is None:
+            words = _without_answer(study, is_over)
+            if self._answer.text != words:
+                self._show_no_answer(words)
+            return
         if self._shown == (study, result, is_over):
             return
         self._shown = study, result, is_over
-        if result is None:
-            self._answer.set_text(_without_answer(study, is_over))
-            self._notes.set_text("")
-            self._picture.set_content("")
-            self._table.clear()
-            return
-        self._answer.set_text(result.answer)
+        headline, rest = answer_in_two(result.answer)
+        self._headline.set_text(headline)
+        self._answer.set_text(rest)
         self._notes.set_text("\n".join(result.notes))
         # The server gives None while it shuts down.
         self._picture.set_content(await run.io_bound(_picture_of, result) or "")
         self._table.clear()
         if is_over:
             self._show_table(result)
+
+    def _show_no_answer(self, words: str) -> None:
+        """Show why there is no answer yet, and nothing of the study before."""
+        self._headline.set_text("")
+        self._answer.set_text(words)
+        self._notes.set_text("")
+        self._picture.set_content("")
+        self._table.clear()
 
     def _show_table(self, result: StudyResult) -> None:
         """Add the table of an answer. A button in each line sets the form to its setting."""
@@ -208,10 +224,22 @@ class StudyView:
             ui.label(legend(result)).classes("path")
 
 
+def answer_in_two(answer: str) -> tuple[str, str]:
+    """Return the first words of an answer, which are shown large, and the rest of it.
+
+    >>> answer_in_two("3 carriers: 11.27 bins an hour; one more gains less than 2 %.")
+    ('3 carriers', '11.27 bins an hour; one more gains less than 2 %.')
+    """
+    headline, colon, rest = answer.partition(": ")
+    if not colon or len(headline) > LONGEST_HEADLINE:
+        return "", answer
+    return headline, rest
+
+
 def _without_answer(study: StudyRun, is_over: bool) -> str:
     """Return why a study has no answer."""
     if not is_over:
-        return "The study begins."
+        return "\n".join(["The study begins.", *study.output.lines[-1:]])
     last = "\n".join(study.output.lines[-LAST_WORDS:])
     return f"There is no answer. The last messages:\n{last}"
 

@@ -10,17 +10,14 @@ from nicegui import ui
 
 from orchard.app.charts import Charts
 from orchard.app.command import STATE_COLOURS, RunState
-from orchard.app.desks import Desk
 from orchard.app.draft import title_of
 from orchard.app.elements import heading, note, table, tiles
 from orchard.app.harvest_run import HarvestCommand
 from orchard.app.picture import IFrame
 from orchard.app.preview import PlanView
 from orchard.app.runs_view import RunsView
-from orchard.app.study_run import Studies
-from orchard.app.study_view import StudyView, Take
+from orchard.app.study_view import Take
 from orchard.app.what_if import GoOn
-from orchard.field.scenario import Scenario
 from orchard.report.summary import (
     Headline,
     Outcome,
@@ -34,7 +31,7 @@ from orchard.report.summary import (
 
 # Lines of a run without a summary, which are shown.
 LAST_LINES = 12
-VIEWS = ["Plan", "Picture", "Summary", "Messages", "Runs", "Study"]
+VIEWS = ["Plan", "Picture", "Summary", "Messages", "Runs"]
 
 
 class ProgressView:
@@ -229,13 +226,10 @@ class Stage:
     def __init__(
         self,
         folder: Path,
-        studies: Studies,
-        desk: Desk,
-        drafted: Callable[[], Scenario | None],
         take: Take,
         go_on: GoOn,
     ) -> None:
-        """`folder`: of the runs. `go_on`: as for `what_if`. The others: as for `StudyView`."""
+        """`folder`: of the runs. `go_on`: as for `what_if`. `take`: sets the form to a scenario."""
         with ui.element("section").classes("stage").props('aria-label="Plan, picture and results"'):
             self._choice = ui.toggle(VIEWS, value="Plan", on_change=self._turned).classes(
                 "stage-choice"
@@ -246,7 +240,6 @@ class Stage:
             self._summary = self._panel("Summary", SummaryView)
             self._messages = self._panel("Messages", MessagesView)
             self._past = self._panel("Runs", lambda: RunsView(folder, take, go_on))
-            self._panel("Study", lambda: StudyView(studies, desk, drafted, take))
 
     def _panel(self, name: str, build: Callable[[], View]) -> View:
         with ui.element("div").classes("panel") as panel:
@@ -257,10 +250,6 @@ class Stage:
     def _turned(self) -> None:
         if self._choice.value == "Runs":
             self._past.refresh()
-
-    def turn_to_study(self) -> None:
-        """Show the study."""
-        self._choice.set_value("Study")
 
     def show(self, run: HarvestCommand, state: RunState) -> None:
         """Show a run in all views."""

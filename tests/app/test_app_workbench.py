@@ -320,7 +320,7 @@ def state(page, words, seconds=PATIENCE):
 
 def reload_keeps_what_was_entered(page):
     page.reload()
-    page.press("how-many")
+    page.unfold("study-more")
     page.until(
         lambda: page.field("study-budget").get_attribute("value") == "90",
         "a reload keeps what was entered",
@@ -333,8 +333,8 @@ def test_a_study_is_asked_grows_answers_and_leads_to_a_run(browser):
         page.fill(path, value)
     page.until(lambda: page.tree_lines() == 4, "a plan of 3 rows")
     page.fill("duration", 60)  # now it can be cleared
-    page.press("how-many")
-    page.until(lambda: page.field("study-budget").is_displayed(), "the study is on the stage")
+    page.unfold("study-more")
+    page.until(lambda: page.field("study-budget").is_displayed(), "what to compare")
     page.fill("study-budget", 0)
     page.until(lambda: "Time to take, s: must be" in page.problem("study"), "what is wrong")
     assert not page.one("[data-action=study-start]").is_enabled()
@@ -344,7 +344,6 @@ def test_a_study_is_asked_grows_answers_and_leads_to_a_run(browser):
     page.switch("prices.carrier_per_hour-automatic", False)
     page.fill("prices.carrier_per_hour", 6)
     page.until(lambda: not page.problem("prices.carrier_per_hour"), "a price")
-    page.press("how-many")  # back from the bottom of the form
     page.press("study-start")
     state(page, "finished")
     page.until(
@@ -380,7 +379,6 @@ def test_a_study_is_asked_grows_answers_and_leads_to_a_run(browser):
     page.fill("rows", 20)
     page.fill("pickers", 10)
     page.until(lambda: page.tree_lines() == 21, "an orchard whose study takes long")
-    page.press("how-many")
     page.pick("study-dispatch", "predictive")
     page.escape()
     page.choose("horizon", "one harvest")

@@ -94,7 +94,8 @@ class Browser:
             self.open(f"{address}/")
             self.click("[data-preset=default]")  # whatever the test before has left in the form
         self.until(self._is_default, "the default orchard")
-        self.unfold("experts")
+        for view in ("experts", "how"):
+            self.unfold(view)
 
     def open(self, address: str) -> None:
         self.driver.get(address)

@@ -33,6 +33,7 @@ class RunState(StrEnum):
     running = "running"
     stopping = "stopping"
     finished = "finished"
+    cut = "cut short"
     stopped = "stopped"
     failed = "failed"
 
@@ -46,6 +47,7 @@ STATE_COLOURS = {
     "running": "primary",
     "stopping": "warning",
     "finished": "positive",
+    "cut short": "warning",
     "stopped": "warning",
     "failed": "negative",
 }

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from orchard.app.charts import Course, course_of
-from orchard.app.command import Files, Latest, PageCommand
+from orchard.app.command import Files, Latest, PageCommand, RunState
 from orchard.app.past_runs import Record
 from orchard.app.picture import ViewerPanel
 from orchard.app.typed_numbers import number_problem, with_point
@@ -165,6 +165,13 @@ class HarvestCommand(PageCommand):
         # The thread that listens may add to the lists meanwhile.
         history = {name: list(values) for name, values in history.items()}
         return course_of(history, self.scenario, since)
+
+    @property
+    def state(self) -> RunState:
+        """The present state. A run that ended before its harvest was done was cut short."""
+        state = super().state
+        is_whole = self.summary is None or bool(self.summary["finished"])
+        return RunState.cut if state is RunState.finished and not is_whole else state
 
     @property
     def is_complete(self) -> bool:

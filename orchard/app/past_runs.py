@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -12,13 +12,16 @@ from orchard.app.charts import Course, course_of
 from orchard.app.entries import entries, flat, label_of, words_of
 from orchard.app.what_if import moment
 from orchard.field.problems import ScenarioError
-from orchard.field.scenario import Scenario, check
+from orchard.field.scenario import TIME_STEP, Scenario, check
 from orchard.folders import regular
 from orchard.report.metrics import SAMPLED
 from orchard.report.summary import Headline
 
 # Runs in the list.
 MOST = 200
+# How a run ended before its harvest was done, by the word of its summary.
+CUT = "cut short"
+ENDS = {"jammed": "jammed", "broken": "all pickers broken", "refused": "order refused"}
 
 
 class ForkPoint(msgspec.Struct, frozen=True):
@@ -37,6 +40,7 @@ class Record(Headline):
     picker_waiting_seconds: float
     scenario: dict[str, Any]
     history: dict[str, list[float]]
+    ended: str = ""
     forked_from: ForkPoint = ForkPoint()
 
     def __post_init__(self) -> None:
@@ -65,6 +69,33 @@ class PastRun:
         """From which moment on it is a fork: from 2:30; '' if it is none."""
         fork_point = self.record.forked_from
         return f"from {moment(fork_point.seconds)}" if fork_point.run else ""
+
+    @property
+    def end(self) -> str:
+        """How and when it ended: 'harvest done at 7:02 min', 'cut short at 4:00 min'."""
+        record = self.record
+        how = "harvest done" if record.finished else ENDS.get(record.ended, CUT)
+        return f"{how} at {moment(record.sim_seconds)} min"
+
+    def figures_at(self, seconds: float) -> dict[str, str]:
+        """Return the figures of its first `seconds`, with their units, by name.
+
+        They are those of the last sample up to then.
+        """
+        history = self.record.history
+        count = sum(at <= seconds for at in history["seconds"])
+        sample = {name: values[count - 1] if count else 0.0 for name, values in history.items()}
+        picker_seconds = max(seconds, TIME_STEP) * self.scenario.pickers
+        carrier_seconds = max(seconds, TIME_STEP) * self.scenario.carrier_count
+        bins_per_hour = 3600.0 * sample["bins_delivered"] / max(seconds, TIME_STEP)
+        waiting = sample["pickers_waited_seconds"] / picker_seconds
+        busy = sample["carriers_busy_seconds"] / carrier_seconds
+        return {
+            "Bins": f"{sample['bins_delivered']:.0f} of {self.record.bins}",
+            "Bins per hour": f"{bins_per_hour:.1f}",
+            "Pickers wait": f"{100 * waiting:.0f} % of the time",
+            "Carriers at work": f"{100 * busy:.0f} %",
+        }
 
     @property
     def figures(self) -> dict[str, str]:
@@ -105,6 +136,28 @@ def _past_run(path: Path) -> PastRun:
     record = msgspec.json.decode(regular(path).read_bytes(), type=Record)
     ended = datetime.fromtimestamp(path.stat().st_mtime)
     return PastRun(path.stem, ended, record, check(record.scenario, path.name))
+
+
+class Comparison(NamedTuple):
+    """Runs side by side. `words`: at which moment they are compared. `figures`: of each run."""
+
+    words: str
+    figures: list[dict[str, str]]
+
+
+def compared(runs: Sequence[PastRun]) -> Comparison:
+    """Return figures of runs at one moment, or of each one at its end if all harvests were done.
+
+    A run that was cut short would lose against a whole one in any figure that grows.
+    """
+    if len(runs) == 1 or all(past.record.finished for past in runs):
+        words = "Each is shown at the end of its harvest."
+        if len(runs) == 1:
+            words = ""
+        return Comparison(words, [past.figures for past in runs])
+    seconds = min(past.record.sim_seconds for past in runs)
+    words = f"All are compared at {moment(seconds)} min, when the first of them ended."
+    return Comparison(words, [past.figures_at(seconds) for past in runs])
 
 
 def lineages(runs: Mapping[str, PastRun]) -> list[list[PastRun]]:

@@ -9,7 +9,7 @@ from orchard.app.charts import Charts
 from orchard.app.command import Files
 from orchard.app.draft import title_of
 from orchard.app.elements import button, heading, note, table
-from orchard.app.past_runs import PastRun, differences, lineages, past_runs
+from orchard.app.past_runs import Comparison, PastRun, compared, differences, lineages, past_runs
 from orchard.app.picture import Player
 from orchard.app.what_if import GoOn, what_if
 from orchard.field.scenario import Scenario
@@ -29,13 +29,16 @@ UNDER_PARENT = "(value, row) => value === row.Ended ? row.under + value : value"
 # JavaScript of the list, by which 10:24 min comes after 9:50 min.
 BY_NUMBER = "(a, b) => a.localeCompare(b, 'en', {numeric: true})"
 CHECKBOX = (
-    "<q-checkbox v-model=\"props.selected\" dense :aria-label=\"'Compare ' + props.row.Ended + ', '"
+    "<q-checkbox v-model=\"props.selected\" dense :aria-label=\"'Choose ' + props.row.Ended + ', '"
     ' + props.row.Scenario" />'
 )
 # What a fork's line in the list begins with: a wide space for each ancestor, and an arrow.
 INDENT = "\u2003"
 ARROW = "\u21b3"
-HINT = "Runs that have ended are listed here. Choose two or more to compare them."
+HINT = (
+    "Runs that have ended are listed here. Choose one to look at it and to ask “What if?”, two or"
+    " more to compare them."
+)
 # Files that are passed over and named one by one.
 MOST_NAMED = 5
 # Runs on a page of the list.
@@ -79,7 +82,7 @@ class RunsView:
         )
         runs.classes("runs").props("flat dense wrap-cells :rows-per-page-options=[0]")
         runs.props("data-view=runs")
-        runs.add_slot("header-selection", "Compare")
+        runs.add_slot("header-selection", "Choose")
         runs.add_slot("body-selection", CHECKBOX)
         return runs
 
@@ -118,7 +121,9 @@ class RunsView:
         with self._sides:
             if chosen:
                 heading(3, title_of(chosen[0].scenario) if len(chosen) == 1 else "Side by side")
-                table(_lines(chosen), ["", *map(_name, chosen)])
+                comparison = compared(chosen)
+                ui.label(comparison.words).classes("study-hint").props("data-view=compared-at")
+                table(_lines(chosen, comparison), ["", *map(_name, chosen)])
             if len(chosen) == 1:
                 self._add_what_if(chosen[0])
 
@@ -165,12 +170,13 @@ def _row(lineage: list[PastRun]) -> dict[str, str]:
     }
 
 
-def _lines(chosen: list[PastRun]) -> list[list[str]]:
+def _lines(chosen: list[PastRun], comparison: Comparison) -> list[list[str]]:
     """Return the table of a comparison: a name, and a cell for each run."""
     cells = differences([past.scenario for past in chosen])
     modes = [past.record.mode for past in chosen]
     if len(set(modes)) > 1:
         cells["Mode"] = modes
-    for name in chosen[0].figures:
-        cells[name] = [past.figures[name] for past in chosen]
+    cells["Ended"] = [past.end for past in chosen]
+    for name in comparison.figures[0]:
+        cells[name] = [figures[name] for figures in comparison.figures]
     return [[name, *values] for name, values in cells.items()]

@@ -17,7 +17,7 @@ from orchard.app.picture import IFrame
 from orchard.app.preview import PlanView
 from orchard.app.runs_view import RunsView
 from orchard.app.study_view import Take
-from orchard.app.what_if import GoOn
+from orchard.app.what_if import GoOn, what_if
 from orchard.report.summary import (
     Headline,
     Outcome,
@@ -162,10 +162,12 @@ def _without_picture(run: HarvestCommand, state: RunState) -> str:
 class SummaryView:
     """The summary of a run: the result as a headline, what limits it, six figures and the charts.
 
-    All figures are folded away.
+    Below them stands its time line, from which the run can go on. All figures are folded away.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, go_on: GoOn) -> None:
+        """`go_on`: as for `what_if`."""
+        self._go_on = go_on
         self._run: HarvestCommand | None = None
         with ui.element("div") as self._box:
             ui.label("The summary appears here when a harvest has ended.").classes("hint")
@@ -178,6 +180,9 @@ class SummaryView:
         self._box.clear()
         with self._box, ui.element("div").props("data-view=result"):
             _show_result(run, state)
+        if run.summary is not None:
+            with self._box:
+                self._add_what_if(run, run.summary)
         with self._box, ui.element("div").classes("summary").props("data-view=summary"):
             if run.summary is not None:
                 _show_all_figures(run, run.summary)
@@ -187,6 +192,11 @@ class SummaryView:
                 ui.label("There is no summary. The last messages of the run:").classes("hint")
                 _, lines = run.output
                 ui.label("\n".join(lines[-LAST_LINES:])).classes("last-words")
+
+    def _add_what_if(self, run: HarvestCommand, summary: dict[str, Any]) -> None:
+        """Add the time line of a run, from which a fork can go on."""
+        snapshots = run.files.folder / f"{run.files.name}.snapshots"
+        what_if(snapshots, run.scenario, summary["history"], self._go_on, "this-")
 
 
 def _show_result(run: HarvestCommand, state: RunState) -> None:
@@ -237,7 +247,7 @@ class Stage:
             self._choice.props("dense no-caps unelevated data-field=stage")
             self.plan = self._panel("Plan", PlanView)
             self._picture = self._panel("Picture", PictureView)
-            self._summary = self._panel("Summary", SummaryView)
+            self._summary = self._panel("Summary", lambda: SummaryView(go_on))
             self._messages = self._panel("Messages", MessagesView)
             self._past = self._panel("Runs", lambda: RunsView(folder, take, go_on))
 

@@ -56,23 +56,26 @@ def moment(seconds: float) -> str:
     return f"{minutes}:{rest:02d}"
 
 
-def what_if(snapshots: Path, scenario: Scenario, history: History, go_on: GoOn) -> None:
+def what_if(
+    snapshots: Path, scenario: Scenario, history: History, go_on: GoOn, where: str = ""
+) -> None:
     """Add the time line of a run that has left keyframes, what may change, and the button.
 
     `snapshots`: the folder with the keyframes. `history`: of the run. `go_on`: starts a fork.
+    `where`: goes before the names of all elements for tests.
     """
     kept = [round(tick * TIME_STEP, 1) for tick in ticks_of(snapshots)]
     if not kept:
         return
     draft = Draft(scenario)
     heading(3, "What if from here?")
-    time = _time_line(kept, int(max(history["seconds"], default=0)))
+    time = _time_line(kept, int(max(history["seconds"], default=0)), where)
     with ui.element("div").classes("what-if"):
-        controls = {path: Control(entries()[path], draft, "fork-") for path in CHANGING}
+        controls = {path: Control(entries()[path], draft, f"{where}fork-") for path in CHANGING}
         with ui.element("div").classes("field"):
             ui.label("Stop").classes("field-label")
             robots = [name for name in lay_out(scenario).names if KINDS[kind_of(name)].robot]
-            stop = several(robots, [], "fork-stop", "Robots that stand from then on")
+            stop = several(robots, [], f"{where}fork-stop", "Robots that stand from then on")
     for path, control in controls.items():
         control.show(draft.values[path])
         if path in scenario.chosen:
@@ -87,21 +90,24 @@ def what_if(snapshots: Path, scenario: Scenario, history: History, go_on: GoOn) 
             before = _until(history, time.value)
             await go_on(draft.scenario, Fork(snapshots.stem, time.value, words, before))
 
-    button("What if from here", start, "fork", "fork_right", "unelevated")
+    button("What if from here", start, f"{where}fork", "fork_right", "unelevated")
 
 
-def _time_line(kept: list[float], end: int) -> ui.slider:
-    """Add a time line. `kept`: the moments with a keyframe, s. `end`: of the run, s."""
+def _time_line(kept: list[float], end: int, where: str) -> ui.slider:
+    """Add a time line. `kept`: the moments with a keyframe, s. `end`: of the run, s.
+
+    `where`: as for `what_if`.
+    """
     step = 1 + len(kept) // MOMENTS
     labels = [{"value": seconds, "label": moment(seconds)} for seconds in kept[::step]]
     with ui.element("div").classes("moments"):
         time = ui.slider(min=kept[0], max=end, value=kept[len(kept) // 2]).classes("grow")
         time.props(
-            'data-field=moment aria-label="Moment from which the run goes on, s" '
+            f'data-field={where}moment aria-label="Moment from which the run goes on, s" '
             f':marker-labels="{labels}"'
         )
         shown = ui.label().bind_text_from(time, "value", moment)
-        shown.classes("figure").props("data-view=moment")
+        shown.classes("figure").props(f"data-view={where}moment")
     return time
 
 

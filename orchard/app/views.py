@@ -12,6 +12,7 @@ from orchard.app.charts import Charts
 from orchard.app.command import STATE_COLOURS, RunState
 from orchard.app.draft import title_of
 from orchard.app.elements import heading, note, table, tiles
+from orchard.app.getting_ready import compiled_count, getting_ready_words
 from orchard.app.harvest_run import HarvestCommand
 from orchard.app.picture import IFrame
 from orchard.app.preview import PlanView
@@ -63,7 +64,12 @@ class ProgressView:
         if headline is not None:
             self._words.set_text(_progress(headline, state))
         else:
-            self._words.set_text("starting" if is_starting else "")
+            self._words.set_text(_getting_ready(run) if is_starting else "")
+
+
+def _getting_ready(run: HarvestCommand) -> str:
+    """Return what a run has done before its first figures."""
+    return getting_ready_words(run.output.lines, compiled_count())
 
 
 def _fraction(headline: Headline | None, state: RunState) -> float:

@@ -1,0 +1,24 @@
+"""What a run has done before its first figures: the first one on a machine compiles for a while."""
+
+from collections.abc import Sequence
+
+from orchard.sim.kernels.cache import COMPILING, kernels_folder
+
+
+def getting_ready_words(lines: Sequence[str], compiled: int) -> str:
+    """Return what a run has done so far, by its first and its last line.
+
+    `lines`: that it has printed. `compiled`: number of parts that are compiled by now.
+    """
+    parts = [*dict.fromkeys([*lines[:1], *lines[-1:]])]
+    if any(COMPILING in line for line in lines):
+        parts.append(f"{compiled} parts are compiled")
+    return f"starting: {'; '.join(parts)}" if parts else "starting"
+
+
+def compiled_count() -> int:
+    """Return how many parts of the simulator are compiled for this machine."""
+    folder = kernels_folder()
+    if folder is None:
+        return 0
+    return sum(1 for _ in folder.rglob("*.nbc"))

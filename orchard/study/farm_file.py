@@ -106,11 +106,11 @@ class _Reader:
 
     def _transfer(self) -> float:
         """Return the time from one block to the next, s."""
-        minutes = self._values.get(TRANSFER)
         wanted = f"minutes in which the fleet moves to the next block, 0 to {MOST_MINUTES:g}"
         if TRANSFER not in self._values:
             self._add(f"is missing: {wanted}", (TRANSFER,))
             return 0.0
+        minutes: Any = self._values[TRANSFER]
         is_number = isinstance(minutes, int | float) and not isinstance(minutes, bool)
         if not is_number or not 0.0 <= minutes <= MOST_MINUTES:
             self._add(f"must be {wanted}", (TRANSFER,), show(minutes))

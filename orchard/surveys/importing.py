@@ -2,8 +2,10 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 from orchard.field.problems import Problem, ScenarioError, key_text
 from orchard.field.survey import FEWEST_ROWS, MOST_ROWS, TRUNK
@@ -165,6 +167,11 @@ def _between(trees: TurnedLines, notes: list[str], source: Source) -> tuple[Turn
 def _hints(rows: TurnedLines, features: Sequence[Feature], source: Source) -> list[Problem]:
     """Return how to get an answer anyway."""
     hints = []
+    if source.options.swap_coordinates is None and _fits(source, swap_coordinates=True):
+        text = (
+            f"its rows would fit with the northing first: {source.command(swap_coordinates=True)}"
+        )
+        hints.append(Problem(source.file, text))
     blocks = blocks_of(features)
     if source.options.block is None and len(blocks) > 1:
         commands = [source.command(block=name) for name in blocks]
@@ -184,6 +191,15 @@ def _hints(rows: TurnedLines, features: Sequence[Feature], source: Source) -> li
         )
     )
     return hints
+
+
+def _fits(source: Source, **changes: Any) -> bool:
+    """Whether the file would be imported with changes of the options."""
+    try:
+        import_survey(source.path, replace(source.options, **changes))
+    except ScenarioError:
+        return False
+    return True
 
 
 def _usual_spacing(lines: Sequence[SurveyedLine]) -> float:

@@ -1,7 +1,7 @@
 """Latitude and longitude, or northing and easting, in the wrong order are found and asked about."""
 
 import pytest
-from made_surveys import CIRCUIT, straight_rows, write_features
+from made_surveys import CIRCUIT, feature, straight_rows, write_features
 
 from orchard.field.problems import ScenarioError
 from orchard.surveys.importing import import_survey
@@ -79,3 +79,17 @@ def test_places_of_orchards_are_not_asked_about(tmp_path, place):
     features = rows_at(*place)
     imported = import_survey(write_features(tmp_path / "a.geojson", features, None))
     assert (imported.longitude, imported.latitude) == pytest.approx(place, abs=0.01)
+
+
+def test_rows_that_fit_with_swapped_coordinates_are_told(tmp_path):
+    """In Finland rows 3.8 m apart; swapped, they lie in Oman, 3.5 m apart."""
+    features = []
+    for i in range(5):
+        latitude = 60.0 + i * 3.8 / 111_412.0
+        ends = [[latitude, 24.0], [latitude, 24.0015]]
+        features.append(feature("LineString", ends, row=f"r{i}"))
+    path = write_features(tmp_path / "a.geojson", features, None)
+    with pytest.raises(ScenarioError) as raised:
+        import_survey(path)
+    swap = f"orchard layout import {path} --swap-coordinates"
+    assert f"its rows would fit with the northing first: {swap}" in str(raised.value)

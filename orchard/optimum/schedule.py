@@ -11,7 +11,7 @@ else it enforces is left out.
 - A harvest ends when the last carrier stands in the queue, behind the others of its line.
 - With traffic: a place on the roads belongs to one robot, from its gate there until it has left the
   place and the next one has heard so. A bin is unloaded alone, and the next carrier is then at
-  least `HEADWAY` behind.
+  least `least_headway` behind.
 """
 
 from collections.abc import Sequence
@@ -31,11 +31,9 @@ from ortools.sat.python.cp_model import (
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.optimum import NoBound
-from orchard.plans.jobs import TimedJob, Use, jobs_of, ticks
+from orchard.plans.jobs import TimedJob, Use, jobs_of, least_headway, ticks
 from orchard.plans.routes import route_of
 
-# m: from a carrier to the next one behind its bin, which is at least 0.7 m before it.
-HEADWAY = 4.0
 # Of the solver, which it counts, so that the answer is the same on every machine: some seconds.
 WORK = 10.0
 # s of the clock: a net for machines that do far less work in a second than others. Busy ones need
@@ -88,7 +86,8 @@ def optimum(layout: Layout, work: float = WORK, free_roads: bool = False) -> Opt
         least = round(alone.proven_seconds / TIME_STEP)
         if alone.cut_after_seconds is not None:
             cuts.append(alone.cut_after_seconds)
-        schedule.share_roads(ticks(HEADWAY / layout.machines["carrier"].speed))
+        carrier = layout.machines["carrier"]
+        schedule.share_roads(ticks(least_headway(carrier) / carrier.speed))
         schedule.model.add(schedule.end >= least)
     solvers = [_solved(schedule.model, FIRST * work)]
     if (

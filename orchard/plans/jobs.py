@@ -12,6 +12,7 @@ from math import floor
 from typing import NamedTuple
 
 from orchard.field.geometry import Pose
+from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout
 from orchard.field.machines import Machine
 from orchard.field.queue import CLOSED_UP
@@ -20,6 +21,7 @@ from orchard.field.scenario import TIME_STEP
 from orchard.plans.robot import ASK, Gate, Step
 from orchard.plans.route import OneWay, Side
 from orchard.plans.routes import route_of, timetable
+from orchard.plans.sense import STOP_DISTANCE
 from orchard.plans.steps import (
     Alone,
     Deliver,
@@ -132,6 +134,16 @@ def handover_seconds(layout: Layout) -> float:
     picker = layout.machines["picker"]
     handling = carrier.uncoupling_ticks + picker.coupling_ticks + picker.exchange_ticks
     return (handling + ASK) * TIME_STEP
+
+
+def least_headway(carrier: Machine) -> float:
+    """Return how far a carrier is behind one with a bin, at least, from centre to centre, m.
+
+    It stops for what is nearer to its front than `STOP_DISTANCE`, and may have begun a step then.
+    """
+    kind = KINDS["carrier"]
+    tail = kind.tows + KINDS["bin"].length / 2
+    return tail + STOP_DISTANCE + kind.length / 2 - carrier.speed * TIME_STEP
 
 
 def jobs_of(layout: Layout) -> list[TimedJob]:

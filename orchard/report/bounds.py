@@ -23,7 +23,13 @@ from orchard.field.passes import Pass
 from orchard.field.queue import PITCH
 from orchard.field.rows import Block
 from orchard.field.scenario import NEAREST, TIME_STEP, Scenario
-from orchard.plans.jobs import TimedStep, begin_of, handover_seconds, timed_steps
+from orchard.plans.jobs import (
+    TimedStep,
+    begin_of,
+    handover_seconds,
+    least_headway,
+    timed_steps,
+)
 from orchard.plans.route import OneWay
 from orchard.plans.routes import ROUTES, route_of, way_to
 from orchard.plans.steps import Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
@@ -31,8 +37,6 @@ from orchard.plans.steps import Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
 if TYPE_CHECKING:
     from orchard.event_model.harvest import EventHarvest
 
-# m: a carrier with its bin, and a gap. The next one drives as far to move into the bay.
-TRAIN = 3.3 + 0.8
 # Times that a picker picks its rows in the means, or a multiple: after two, each row is left at the
 # same ends again.
 ROUNDS = 2
@@ -67,9 +71,9 @@ class Bounds:
         self.bin_seconds = picking + crossing + wait  # of a picker's time
         self.cycle_seconds = cycle  # C, from the queue's head around the orchard and back
         carrier = layout.machines["carrier"]
-        self.bay_seconds = (
-            Unload().ticks(carrier) * TIME_STEP + TRAIN / carrier.speed
-        )  # t_bay, for which one carrier occupies the bay
+        # t_bay, for which one carrier occupies the bay. The next one then moves up into it.
+        moving_up = least_headway(carrier) / carrier.speed
+        self.bay_seconds = Unload().ticks(carrier) * TIME_STEP + moving_up
         busy = cycle + charging
         charged = charging
         if prefers_near(policy):

@@ -14,17 +14,19 @@ pytest.importorskip("ortools", reason="the extra `optimum` is not installed")
 from drawn_machines import drawn_values
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import Bounds, LinearConstraint, milp
+from scipy import optimize
 from stage import Stage, empty_orchard
 
 from orchard.commands.bound import BoundOptions, print_bound
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
 from orchard.field.queue import QUEUES
-from orchard.field.scenario import DISPATCH_POLICIES, ROW_RULES, Scenario, load
+from orchard.field.scenario import DISPATCH_POLICIES, ROW_RULES, TIME_STEP, Scenario, load
 from orchard.optimum import NoBound
-from orchard.optimum.schedule import optimum
-from orchard.plans.jobs import TimedJob, jobs_of
+from orchard.optimum.schedule import Schedule, optimum
+from orchard.plans.jobs import TimedJob, jobs_of, ticks
+from orchard.plans.steps import Unload
+from orchard.report.bounds import Bounds
 from orchard.report.limits import limit_of_question
 
 ORCHARDS: list[dict[str, Any]] = [
@@ -197,11 +199,11 @@ def shortest(jobs: list[TimedJob], carriers: int) -> float:
             for x, y in zip(carrier[one], carrier[other], strict=True):
                 demand(takes, (other, 1), (one, -1), (first[number], sign), (x, -late), (y, -late))
     is_choice = np.arange(first.stop) > end
-    limits = Bounds(0.0, np.where(is_choice, 1.0, late))
+    limits = optimize.Bounds(0.0, np.where(is_choice, 1.0, late))
     goal = (np.arange(first.stop) == end).astype(float)
-    solved = milp(
+    solved = optimize.milp(
         goal,
-        constraints=LinearConstraint(np.array(rows), np.array(least)),
+        constraints=optimize.LinearConstraint(np.array(rows), np.array(least)),
         integrality=is_choice,
         bounds=limits,
     )
@@ -286,3 +288,18 @@ def test_the_command_bounds_all_rules_and_writes_it(tmp_path, capsys):
     )
     assert Scenario(**summary["scenario"]).rows == 4
     assert "With any of these rules no harvest is shorter than 4:06 min." in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("speed", [0.5, 1.0, 2.5])
+def test_limit_and_proof_keep_one_distance_in_the_bay(speed, monkeypatch):
+    """A carrier that drives in long steps stops nearer to the one ahead."""
+    layout = lay_out(Scenario(rows=3, pickers=2, carriers=2, carrying={"speed": speed}))
+    kept = []
+    monkeypatch.setattr(Schedule, "share_roads", lambda self, headway: kept.append(headway))
+    optimum(layout, work=0.1)
+    carrier = layout.machines["carrier"]
+    moving_up = Bounds(layout).bay_seconds - Unload().ticks(carrier) * TIME_STEP
+    # m: carrier and bin, up to 0.8 m before the next front, less a step.
+    nearest = 3.3 + 0.8 - speed * TIME_STEP
+    assert moving_up == pytest.approx(nearest / speed)
+    assert kept == [ticks(nearest / speed)]

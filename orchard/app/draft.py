@@ -89,7 +89,7 @@ class Draft:
         Some values say the same in different ways, such as a picking speed and a rate. The last
         one that is entered counts: the other ways are left to the program.
 
-        KeyError if there is no such entry.
+        Raises KeyError if there is no such entry.
         """
         typed = {path: _typed(path, value) for path, value in values.items()}
         replaced: dict[str, Any] = {}

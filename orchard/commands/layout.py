@@ -132,7 +132,8 @@ def _sizes(scenario: Scenario) -> str:
     survey = scenario.survey
     assert isinstance(survey, Survey)
     lengths = [row.length for row in survey.rows]
-    gaps = [south.south - north.south for north, south in pairwise(survey.rows)]
+    # `south` of a row: how far south of the first row it lies, m.
+    gaps = [following.south - row.south for row, following in pairwise(survey.rows)]
     ground = lay_out(scenario)
     numbers = range(1, len(lengths) + 1)
     beyond = [ground.beyond(number, side) for number in numbers for side in ("west", "east")]

@@ -235,15 +235,17 @@ class Guard:
         answers = _listed("answers", answers)
         _refuse_more("deeds", len(deeds), limits.MOST_DEEDS)
         _refuse_more("requests", len(requests), limits.MOST_REQUESTS)
-        asked = [(to, _of_kind(self._custom(body), Request)) for to, body in requests]
-        answered = [
+        own_deeds = [_of_kind(deed, Deed) for deed in deeds]
+        own_requests = [(to, _of_kind(self._custom(body), Request)) for to, body in requests]
+        own_answers = [
             Given(heard.sender, heard.tick, heard.number, _of_kind(self._custom(body), Answer))
             for heard, body in answers
         ]
-        sent = [_of_kind(deed, Deed) for deed in deeds], Written(asked, answered)
-        packed = _packed(sent, "its deeds and messages take")
-        sound: tuple[list[Deed], Written] = unpack(packed, tuple[list[Deed], Written])
-        sound_deeds, letters = sound
+        packed = _packed(
+            (own_deeds, Written(own_requests, own_answers)), "its deeds and messages take"
+        )
+        unpacked: tuple[list[Deed], Written] = unpack(packed, tuple[list[Deed], Written])
+        sound_deeds, letters = unpacked
         self._refuse_addresses([to for to, _ in letters.requests])
         _refuse_depth([body for _, body in letters.requests])
         _refuse_depth([body for *_, body in letters.answers])
@@ -425,17 +427,25 @@ def _advise(error: BaseException) -> None:
 
 
 def _checked_state(state: Any) -> State | None:
-    state = "".join([state]) if isinstance(state, str) else state
-    if state is not None and (not isinstance(state, str) or state not in STATES):
+    """Return a state of plain type. Raises ValueError for one that does not exist."""
+    if state is None:
+        return None
+    plain = _plain_text(state) if isinstance(state, str) else ""
+    if plain not in STATES:
         raise ValueError(f"state {state!r}: must be one of {', '.join(STATES)}")
-    return state
+    return plain
 
 
 def _for_people(doing: Any, waits_for: Any) -> tuple[str, str]:
+    """Return the texts that people read, printable. Raises TypeError for what is no text."""
     if not (isinstance(doing, str) and isinstance(waits_for, str)):
         raise TypeError(f"doing {doing!r}, waits_for {waits_for!r}: both must be text")
-    # A subclass of str may have other methods: `join` gives the exact type.
-    return printable("".join([doing])), printable("".join([waits_for]))
+    return printable(_plain_text(doing)), printable(_plain_text(waits_for))
+
+
+def _plain_text(text: str) -> str:
+    """Return a text as a `str`: a class derived from it may have methods of its own."""
+    return "".join([text])
 
 
 def _listed(name: str, messages: Any) -> Sequence[Any]:

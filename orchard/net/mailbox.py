@@ -127,8 +127,8 @@ class _ReceivedRequest:
 
     heard: Heard
     question: Query
-    # Its tick has begun or is over: it is answered in this tick or never.
-    is_heard: bool = False
+    # `close` answers it: the tick at which it is heard has begun, or is over.
+    is_closed: bool = False
     body: Answer | None = None
 
 
@@ -224,9 +224,9 @@ class Mailbox:
         """
         return self.last <= tick <= self.last + MOST_HOLD
 
-    def _answers_in_time(self, tick: int, asked: int) -> bool:
-        """Whether an answer of a tick counts for a request of the tick `asked`."""
-        return tick == asked + 1
+    def _answers_in_time(self, answer_tick: int, request_tick: int) -> bool:
+        """Whether the answer of one tick counts for the request of another."""
+        return answer_tick == request_tick + 1
 
     # -- one tick
 
@@ -267,7 +267,7 @@ class Mailbox:
         """
         mail: dict[str, Mail] = {}
         for (recipient, *_), waiting in self._waiting.items():
-            waiting.is_heard = self._is_done(waiting.heard.tick, tick)
+            waiting.is_closed = self._is_closed(waiting.heard.tick, tick)
             if self._is_heard(waiting.heard.tick, tick):
                 mail.setdefault(recipient, Mail()).requests.append(waiting.heard)
         for heard in mail.values():
@@ -278,13 +278,13 @@ class Mailbox:
         self.last = tick
         return mail
 
-    def _is_heard(self, asked: int, tick: int) -> bool:
-        """Whether a request of the tick `asked` is heard at a tick."""
-        return asked == tick - 1
+    def _is_heard(self, request_tick: int, tick: int) -> bool:
+        """Whether a request is heard at a tick."""
+        return request_tick == tick - 1
 
-    def _is_done(self, asked: int, tick: int) -> bool:
-        """Whether a request of the tick `asked` is answered at a tick or never."""
-        return asked < tick
+    def _is_closed(self, request_tick: int, tick: int) -> bool:
+        """Whether a request is closed at the end of a tick, with an answer or without one."""
+        return request_tick < tick
 
     def _take_settled(self, tick: int) -> list[SentRequest]:
         """Return the requests that have their answers at a tick, and forget them."""
@@ -299,7 +299,7 @@ class Mailbox:
         """
         for heard, body in action.answers:
             waiting = self._waiting.get((name, heard.sender, heard.tick, heard.number))
-            if waiting is not None and waiting.is_heard:
+            if waiting is not None and waiting.is_closed:
                 waiting.body = body
         if not action.requests:
             return []
@@ -316,7 +316,7 @@ class Mailbox:
         Without an answer it is nil.
         """
         for key, waiting in list(self._waiting.items()):
-            if waiting.is_heard:
+            if waiting.is_closed:
                 del self._waiting[key]
                 waiting.question.reply(pack(Answered(self._run, self.last, waiting.body)))
                 waiting.question.drop()
@@ -331,8 +331,8 @@ class RealtimeMailbox(Mailbox):
     def _is_timely(self, tick: int) -> bool:
         return abs(tick - self.last) <= STALE_TICKS
 
-    def _answers_in_time(self, tick: int, asked: int) -> bool:
-        return asked - STALE_TICKS <= tick <= asked + STALE_TICKS
+    def _answers_in_time(self, answer_tick: int, request_tick: int) -> bool:
+        return abs(answer_tick - request_tick) <= STALE_TICKS
 
     def is_settled(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
         """Whether a tick can begin: always."""
@@ -342,20 +342,23 @@ class RealtimeMailbox(Mailbox):
         """Whether mail must be recalled: never."""
         return False
 
-    def _is_heard(self, asked: int, tick: int) -> bool:
+    def _is_heard(self, request_tick: int, tick: int) -> bool:
         return True
 
-    def _is_done(self, asked: int, tick: int) -> bool:
+    def _is_closed(self, request_tick: int, tick: int) -> bool:
         return True
 
     def _take_settled(self, tick: int) -> list[SentRequest]:
-        settled = []
-        for sent, requests in list(self._asked.items()):
-            is_stale = tick - sent > STALE_TICKS
-            settled += [asked for asked in requests if asked.final or is_stale]
-            self._asked[sent] = [asked for asked in requests if not (asked.final or is_stale)]
-            if not self._asked[sent]:
-                del self._asked[sent]
+        settled = list[SentRequest]()
+        unsettled = dict[int, list[SentRequest]]()
+        for sent_at, requests in self._asked.items():
+            is_stale = tick - sent_at > STALE_TICKS
+            for asked in requests:
+                if asked.final or is_stale:
+                    settled.append(asked)
+                else:
+                    unsettled.setdefault(sent_at, []).append(asked)
+        self._asked = unsettled
         return settled
 
 

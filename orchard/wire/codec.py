@@ -42,23 +42,37 @@ def odometry_of(run: str, seen: Observation) -> wire.Odometry:
     hitch = None
     if seen.hitch is not None:
         hitch = wire.OtherEnd(seen.hitch.name, _pose(seen.hitch), _twist(seen.hitch.twist))
-    measured = float(seen.fill), bool(seen.full), seen.accuracy, seen.charge
-    return wire.Odometry(run, seen.tick, _pose(seen), _twist(seen.twist), hitch, *measured)
+    return wire.Odometry(
+        run=run,
+        tick=seen.tick,
+        pose=_pose(seen),
+        twist=_twist(seen.twist),
+        hitch=hitch,
+        fill=float(seen.fill),
+        full=bool(seen.full),
+        accuracy=seen.accuracy,
+        percentage=seen.charge,
+    )
 
 
-def _sweep(laser: Laser, scan: np.ndarray) -> tuple[float, float, float, float, float, bytes]:
+def _sweep(laser: Laser, scan: np.ndarray) -> dict[str, Any]:
     """Return the fields of `wire.Beams` for a laser and its ranges, m."""
-    last = laser.first + (laser.beams - 1) * laser.increment
-    ranges = np.asarray(scan, dtype="<f4").tobytes()
-    return laser.first, last, laser.increment, LASER_NEAREST, LASER_RANGE, ranges
+    return {
+        "angle_min": laser.first,
+        "angle_max": laser.first + (laser.beams - 1) * laser.increment,
+        "angle_increment": laser.increment,
+        "range_min": LASER_NEAREST,
+        "range_max": LASER_RANGE,
+        "ranges": np.asarray(scan, dtype="<f4").tobytes(),
+    }
 
 
 def scan_of(run: str, seen: Observation, laser: Laser, rear_laser: Laser) -> wire.LaserScan:
     """Return the message of a body's scan. `rear_laser`: that of a bin that it tows."""
     rear = None
     if seen.hitch is not None and seen.hitch.scan is not None:
-        rear = wire.Beams(*_sweep(rear_laser, seen.hitch.scan))
-    return wire.LaserScan(*_sweep(laser, seen.scan), run, seen.tick, rear)
+        rear = wire.Beams(**_sweep(rear_laser, seen.hitch.scan))
+    return wire.LaserScan(**_sweep(laser, seen.scan), run=run, tick=seen.tick, rear=rear)
 
 
 def seen_of(
@@ -115,11 +129,18 @@ def observations_of(seen: wire.Seen) -> dict[str, Observation]:
     states = np.frombuffer(seen.states, "<f8").reshape(-1, STATE)
     if not (np.abs(states) <= FARTHEST).all():
         raise ValueError("states: not a number, or out of bounds")
-    index = {name: body for body, name in enumerate(seen.names)}
-    hitches = {name: _hitch_of(other) for name, other in seen.hitches.items()}
-    sweeps = _sweeps_of(seen.names, seen.ranges)
-    measured = seen.fills, seen.full, seen.accuracies, seen.percentages
-    return Observations(seen.tick, index, states, sweeps, hitches, *measured).of(seen.due)
+    observations = Observations(
+        tick=seen.tick,
+        names={name: body for body, name in enumerate(seen.names)},
+        states=states,
+        scans=_sweeps_of(seen.names, seen.ranges),
+        hitches={name: _hitch_of(other) for name, other in seen.hitches.items()},
+        fills=seen.fills,
+        full=seen.full,
+        accuracies=seen.accuracies,
+        charges=seen.percentages,
+    )
+    return observations.of(seen.due)
 
 
 @lru_cache(maxsize=MOST_BODIES)
@@ -190,12 +211,26 @@ def _pose_of(pose: Pose) -> wire.PoseMessage:
 
 def _kind_of_body(kind: Kind, machine: Machine) -> wire.KindOfBody:
     """Return the message for a kind of bodies."""
-    own = kind.laser
-    sweep = own.ahead, own.beams, own.first, own.increment
-    laser = wire.LaserOfKind(*sweep, LASER_NEAREST, LASER_RANGE)
-    size = kind.length, kind.width, kind.height
-    motion = machine.speed, machine.turn, kind.tows
-    return wire.KindOfBody(*size, kind.colour, *motion, kind.solid, kind.robot, laser)
+    laser = wire.LaserOfKind(
+        x=kind.laser.ahead,
+        beams=kind.laser.beams,
+        angle_min=kind.laser.first,
+        angle_increment=kind.laser.increment,
+        range_min=LASER_NEAREST,
+        range_max=LASER_RANGE,
+    )
+    return wire.KindOfBody(
+        length=kind.length,
+        width=kind.width,
+        height=kind.height,
+        colour=kind.colour,
+        max_linear=machine.speed,
+        max_angular=machine.turn,
+        tows=kind.tows,
+        solid=kind.solid,
+        robot=kind.robot,
+        laser=laser,
+    )
 
 
 def picture_of(run: str, frame: Frame) -> wire.TickStateMessage:

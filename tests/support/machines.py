@@ -37,6 +37,7 @@ needs_machines = pytest.mark.skipif(bool(why_not()), reason=why_not() or "never"
 
 
 def _ip(*words: str) -> None:
+    """Run `ip`. Raises CalledProcessError if it fails."""
     subprocess.run([tool("ip"), *words], check=True, timeout=PATIENCE)
 
 
@@ -63,20 +64,9 @@ def machines(*guests: str):
 
 
 def _plug(host: str, guest: str, n: int) -> None:
-    _ip(
-        "link",
-        "add",
-        f"v{n}",
-        "netns",
-        host,
-        "type",
-        "veth",
-        "peer",
-        "name",
-        "eth0",
-        "netns",
-        guest,
-    )
+    """Put the n-th cable between the host and a guest, with an address at both ends."""
+    peer = f"type veth peer name eth0 netns {guest}"
+    _ip("link", "add", f"v{n}", "netns", host, *peer.split())
     for name, end, address in ((host, f"v{n}", 10), (guest, "eth0", 11)):
         _ip("-n", name, "address", "add", f"192.168.{n}.{address}/24", "dev", end)
         _ip("-n", name, "link", "set", end, "up")
@@ -94,11 +84,12 @@ def run_both(
     here: Path | None = None,
     there: Path | None = None,
 ) -> None:
-    """Run a command that leaves carriers to others, and the guest's once it waits for them.
+    """Run a command on the host that leaves carriers to others, and then the guest's.
 
-    Both must end well.
+    `first`, `second`: of the host and of the guest, which begins when the first one waits for it.
+    `here`, `there`: the folders in which they run. Both must end well.
     """
-    one = subprocess.Popen(
+    on_host = subprocess.Popen(
         [*within(host), *first],
         cwd=here,
         stdout=subprocess.PIPE,
@@ -106,18 +97,19 @@ def run_both(
         text=True,
     )
     try:
-        said = line_with("carrier: left to other processes", one)
-        other = subprocess.run(
+        first_lines = line_with("carrier: left to other processes", on_host)
+        on_guest = subprocess.run(
             [*within(guest), *second],
             cwd=there,
             capture_output=True,
             text=True,
             timeout=3 * PATIENCE,
         )
-        rest, _ = one.communicate(timeout=PATIENCE)
+        rest, _ = on_host.communicate(timeout=PATIENCE)
     finally:
-        one.kill()
-    assert (one.returncode, other.returncode) == (0, 0), said + rest + other.stdout + other.stderr
+        on_host.kill()
+    assert on_host.returncode == 0, first_lines + rest
+    assert on_guest.returncode == 0, on_guest.stdout + on_guest.stderr
 
 
 @contextmanager

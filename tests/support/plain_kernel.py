@@ -95,6 +95,7 @@ class CheckedRow:
 
     def __init__(self, kinds: dict[str, str], values: tuple[Any, ...]) -> None:
         """`kinds`: of each column's numbers, as numpy has it."""
+        # An assignment to `self.kinds` would be one to a column: see `__setattr__`.
         vars(self)["kinds"] = kinds
         vars(self)["values"] = dict(zip(kinds, values, strict=True))
 

@@ -7,19 +7,27 @@ from standard import check
 
 
 def begun(released=4, patience=60.0):
-    """A fleet one of whose vehicles is on its way; and its name."""
+    """Return a fleet of which a vehicle has left the queue, and the name of that vehicle."""
     fleet = Fleet(SMALL, released=released, timing=Timing(patience=patience))
-    name = fleet.until(
-        lambda: next((name for name in fleet.wires if fleet.state(name)["nodeStates"]), None)
-    )
+
+    def first_with_an_order():
+        for name in fleet.wires:
+            if fleet.state(name)["nodeStates"]:
+                return name
+        return None
+
+    name = fleet.until(first_with_an_order)
     fleet.until(lambda: not fleet.state(name)["lastNodeId"].startswith("queue/"))
     return fleet, name
 
 
 def stands_at(fleet, name):
-    """The node at which a vehicle stands; None while it moves or is between two."""
+    """Return the node at which a vehicle stands; None while it moves or is between two."""
     seen = fleet.run.seen[name]
-    return fleet.graphs[name.rsplit("_", 1)[0]].at(seen.x, seen.y) if not any(seen.twist) else None
+    if any(seen.twist):
+        return None
+    kind, _, _ = name.rpartition("_")
+    return fleet.graphs[kind].at(seen.x, seen.y)
 
 
 def stands_in_the_queue(fleet, name):
@@ -52,10 +60,16 @@ def test_a_vehicle_cut_off_stops_at_its_base_and_then_goes_on():
 
 def test_an_order_that_is_lost_is_sent_again():
     fleet, _ = begun()
-    send, lost = fleet.master.send, []
-    fleet.master.send = lambda *message: (
-        send(*message) if len(lost) == 3 or lost.append(message) else None
-    )
+    send = fleet.master.send
+    lost = []
+
+    def lose_three(*message):
+        if len(lost) < 3:
+            lost.append(message)
+        else:
+            send(*message)
+
+    fleet.master.send = lose_three
     fleet.until(lambda: len(lost) == 3 and fleet.master.finished)
 
 

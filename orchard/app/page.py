@@ -76,12 +76,15 @@ class Page:
         self.draft = copy(desk.draft)
         # As it was when the page was drawn last.
         self._drawn: Entered | None = None
+        # What the plan and the figures show, or will show.
+        self._planned: Entered | None = None
         # The run on the stage, and whether it was over.
         self._staged: tuple[HarvestCommand, bool] | None = None
         self._build()
         self.form.show()
         self._show_undo()
         ui.timer(REDRAW_SECONDS, self._redraw)
+        ui.timer(REDRAW_SECONDS, self._draw)
         ui.timer(WATCH_SECONDS, self._watch)
 
     # -- layout
@@ -285,8 +288,8 @@ class Page:
 
     # -- updates
 
-    async def _redraw(self) -> None:
-        """Show what follows from what is entered, if it has changed."""
+    def _redraw(self) -> None:
+        """Show at once what follows from what is entered, if it has changed."""
         draft = self.draft
         entered = Entered(
             values=draft.values,
@@ -304,17 +307,21 @@ class Page:
         self._update_buttons()
         if entered.scenario is None:
             self.stage.plan.fade()
-        else:
-            await self._draw(entered.scenario, entered)
 
-    async def _draw(self, scenario: Scenario, entered: Entered) -> None:
-        """Show the plan and the figures of a scenario, unless something else is entered by then."""
-        layout = await run.io_bound(lay_out, scenario)
+    async def _draw(self) -> None:
+        """Show the plan and the figures of what is entered, unless it is changed by then.
+
+        They take seconds for a hundred rows. What is wrong in the form does not wait for them.
+        """
+        entered = self._drawn
+        if entered is None or entered is self._planned or entered.scenario is None:
+            return
+        self._planned = entered
+        layout = await run.io_bound(lay_out, entered.scenario)
         # The server gives None while it shuts down.
-        if layout is None:
+        if layout is None or entered is not self._drawn:
             return
         self.stage.plan.show(layout)
-        # This takes seconds for a hundred rows.
         derived = await run.io_bound(derive, layout)
         if derived is not None and entered is self._drawn:
             self.figures.show(*derived)

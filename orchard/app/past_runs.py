@@ -138,14 +138,14 @@ def _past_run(path: Path) -> PastRun:
     return PastRun(path.stem, ended, record, check(record.scenario, path.name))
 
 
-class Comparison(NamedTuple):
+class SideBySide(NamedTuple):
     """Runs side by side. `words`: at which moment they are compared. `figures`: of each run."""
 
     words: str
     figures: list[dict[str, str]]
 
 
-def compared(runs: Sequence[PastRun]) -> Comparison:
+def compared(runs: Sequence[PastRun]) -> SideBySide:
     """Return figures of runs at one moment, or of each one at its end if all harvests were done.
 
     A run that was cut short would lose against a whole one in any figure that grows.
@@ -154,10 +154,10 @@ def compared(runs: Sequence[PastRun]) -> Comparison:
         words = "Each is shown at the end of its harvest."
         if len(runs) == 1:
             words = ""
-        return Comparison(words, [past.figures for past in runs])
+        return SideBySide(words, [past.figures for past in runs])
     seconds = min(past.record.sim_seconds for past in runs)
     words = f"All are compared at {moment(seconds)} min, when the first of them ended."
-    return Comparison(words, [past.figures_at(seconds) for past in runs])
+    return SideBySide(words, [past.figures_at(seconds) for past in runs])
 
 
 def lineages(runs: Mapping[str, PastRun]) -> list[list[PastRun]]:

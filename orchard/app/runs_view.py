@@ -9,7 +9,7 @@ from orchard.app.charts import Charts
 from orchard.app.command import Files
 from orchard.app.draft import title_of
 from orchard.app.elements import button, heading, note, table
-from orchard.app.past_runs import Comparison, PastRun, compared, differences, lineages, past_runs
+from orchard.app.past_runs import PastRun, SideBySide, compared, differences, lineages, past_runs
 from orchard.app.picture import Player
 from orchard.app.what_if import GoOn, what_if
 from orchard.field.scenario import Scenario
@@ -170,7 +170,7 @@ def _row(lineage: list[PastRun]) -> dict[str, str]:
     }
 
 
-def _lines(chosen: list[PastRun], comparison: Comparison) -> list[list[str]]:
+def _lines(chosen: list[PastRun], comparison: SideBySide) -> list[list[str]]:
     """Return the table of a comparison: a name, and a cell for each run."""
     cells = differences([past.scenario for past in chosen])
     modes = [past.record.mode for past in chosen]

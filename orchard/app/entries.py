@@ -60,7 +60,7 @@ LABELS = {
 # Units of values whose words name none.
 UNITS = {
     "pickers": "people",
-    "row_width": "m, tree line to tree line",
+    "row_width": "m, from tree to tree",
     "prices.picker_per_hour": "an hour",
     "prices.carrier_per_hour": "an hour",
     "prices.overhead_per_hour": "an hour",

@@ -354,7 +354,7 @@ def test_the_rows_of_a_grower_are_typed_as_he_says_them(browser):
     assert browser.field("crop.tonnes_per_hectare").get_attribute("value") == ""
     browser.fill("row_width", 3)
     browser.until(
-        lambda: browser.problem("row_width").endswith("3.65 to 12.5 m, tree line to tree line"),
+        lambda: browser.problem("row_width").endswith("3.65 to 12.5 m, from tree to tree"),
         "as he measures it",
     )
 

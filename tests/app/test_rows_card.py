@@ -36,7 +36,7 @@ def test_a_spacing_is_a_width_and_the_trees(spacing):
 def test_the_page_has_spacing_where_the_scenario_has_a_width():
     entry = entries()["row_width"]
     assert entry.label == "Spacing of rows"
-    assert entry.limits == "3.65 to 12.5 m, tree line to tree line"
+    assert entry.limits == "3.65 to 12.5 m, from tree to tree"
     assert entry.from_page(4.5) == 4.0 and entry.to_page(4.0) == 4.5
     assert entry.from_page("wide") == "wide", "a text stays as it was typed"
     assert words_of("row_width", 4.0) == "4.5"
@@ -46,7 +46,7 @@ def test_the_page_has_spacing_where_the_scenario_has_a_width():
 def test_a_wrong_spacing_is_told_as_growers_measure_it():
     draft = Draft(Scenario())
     draft.enter({"row_width": entries()["row_width"].from_page(3.0)})
-    wanted = "must be a number from 3.65 to 12.5 m, tree line to tree line"
+    wanted = "must be a number from 3.65 to 12.5 m, from tree to tree"
     assert draft.problems == {"row_width": f"Spacing of rows: {wanted}"}
 
 

@@ -134,7 +134,9 @@ class Browser:
     def unfold(self, view: str) -> None:
         """Open a part of the page that may be folded away."""
         button = f"[data-view={view}] [role=button][aria-expanded]"
+        look = "arguments[0].scrollIntoView({block: 'center'})"  # not under the bar on top
         if self.one(button).get_attribute("aria-expanded") == "false":
+            self.driver.execute_script(look, self.one(button))
             self.click(button)
 
     def view(self, name: str) -> WebElement:

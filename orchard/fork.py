@@ -45,6 +45,7 @@ FIXED: Mapping[str, str] = {
     **dict.fromkeys(_OF_THE_GROUND, _GROUND),
     **dict.fromkeys(_OF_THE_ROWS, _ROWS),
     "sensors": _COURSES,
+    "load_out.trailers": "bins stand on the trailers that there are",
 }
 # What cannot become null, nor get a value if it was null.
 NULL_OR_NOT = (
@@ -149,7 +150,11 @@ def _check_changes(before: Layout, after: Layout) -> None:
     """Raise ScenarioError if the scenarios differ in what cannot change under way."""
     old_values = before.scenario.model_dump()
     new_values = after.scenario.model_dump()
-    reasons = {path: why for path, why in FIXED.items() if old_values[path] != new_values[path]}
+    reasons = {
+        path: why
+        for path, why in FIXED.items()
+        if _value_at(old_values, path) != _value_at(new_values, path)
+    }
     for path in NULL_OR_NOT:
         was_null = _value_at(old_values, path) is None
         is_null = _value_at(new_values, path) is None
@@ -326,23 +331,27 @@ def _take_over(
     body_count = len(before.layout.names)
     for field, value in before.state.items():
         has_entry_each = isinstance(value, np.ndarray) and len(value) == body_count
-        # There may be as many rows as bodies.
-        if has_entry_each and field != "row_ends":
+        # There may be as many rows, or trailers, as bodies.
+        if has_entry_each and field not in ("row_ends", "trailers"):
             getattr(world, field)[new_bodies] = value[old_bodies]
         else:
             setattr(world, field, value)
-    # Carriers on the way to the load-out are back as much earlier or later as it takes now.
-    longer = _haul_ticks(world) - _haul_ticks(before)
-    are_hauling = world.hauling > 0
-    world.hauling[are_hauling] = np.maximum(0, world.hauling[are_hauling] + longer)
+    _be_back_otherwise(before, world)
     renumbered = dict(zip(old_bodies, new_bodies, strict=True))
     coupled = before.coupled[old_bodies].tolist()
     world.coupled[new_bodies] = [renumbered.get(body, NONE) for body in coupled]
 
 
-def _haul_ticks(world: World) -> int:
-    """Return for how many ticks a carrier of a world is away at the load-out."""
-    return world.layout.machines["carrier"].haul_ticks
+def _be_back_otherwise(before: World, world: World) -> None:
+    """Let who is on the way to the load-out be back as much earlier or later as it takes now."""
+    old = before.layout.machines["carrier"]
+    new = world.layout.machines["carrier"]
+    are_hauling = world.hauling > 0
+    left = world.hauling[are_hauling] + new.haul_ticks - old.haul_ticks
+    world.hauling[are_hauling] = np.maximum(0, left)
+    are_away = world.trailers[:, 1] > world.tick
+    back = world.trailers[are_away, 1] + new.trailer_ticks - old.trailer_ticks
+    world.trailers[are_away, 1] = np.maximum(world.tick, back)
 
 
 def _put_into_its_line(world: World, carrier: str, number: int) -> None:

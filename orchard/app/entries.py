@@ -52,6 +52,8 @@ LABELS = {
     "load_out.speed": "Speed to the load-out",
     "load_out.seconds": "Time at the load-out",
     "load_out.seconds_away": "Time away in all",
+    "load_out.trailers.count": "Trailers at the bay",
+    "load_out.trailers.bins": "Bins on a trailer",
     "sensors.gnss.white": "GNSS error of a tick",
     "sensors.gnss.bias": "GNSS error, slow",
     "sensors.gnss.bias_time": "GNSS correlation time",

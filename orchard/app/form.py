@@ -56,6 +56,8 @@ FOR_EXPERTS = {
         "load_out.speed",
         "load_out.seconds",
         "load_out.seconds_away",
+        "load_out.trailers.count",
+        "load_out.trailers.bins",
         "carrying.failure.mean_between",
         "carrying.failure.mean_repair",
         "chargers",

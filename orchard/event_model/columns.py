@@ -204,6 +204,8 @@ ROBOT = np.dtype(
         # Whether it has no job, once it is back from the load-out: the tick at which it is or was.
         ("is_free", np.bool_),
         ("back", np.int64),
+        # Ticks by which it hears later that its bin is empty, because it waited for a trailer.
+        ("hears_later", np.int64),
         ("is_ready", np.bool_),
         ("is_booked", np.bool_),
         # mm from its line's head when the dispatcher last asked; for a policy in Python m; for a
@@ -447,6 +449,9 @@ DESK = np.dtype(
         ("free_chargers", np.int64),
         # The share of a battery that the way to the load-out and back uses.
         ("haul_charge", np.float64),
+        # The bins with which a trailer leaves the bay, and the ticks for which it is away then.
+        ("trailer_bins", np.int64),
+        ("trailer_ticks", np.int64),
         # m: the other sides of the queue.
         ("queue_west", np.float64),
         ("queue_south", np.float64),
@@ -476,6 +481,9 @@ FAILURE = np.dtype([("until", np.float64), ("repair", np.float64)])
 ENCOUNTER = np.dtype([("metres", np.float64), ("ticks", np.int64)])
 # For how many ticks it stands before a turn, without a bin on its bar and with one.
 LOOK = np.dtype([("ticks", np.int64), ("ticks_towing", np.int64)])
+
+# The bins on a trailer, and the tick at which it is or was back.
+TRAILER = np.dtype([("bins", np.int64), ("back", np.int64)])
 
 EXCHANGE = np.dtype(
     [
@@ -530,6 +538,7 @@ ARRAYS = {
     "distances": (np.float64, 2),
     "timers": (np.int64, 2),
     "desk": (DESK, 1),
+    "trailers": (TRAILER, 1),
     "deliveries": (np.int64, 1),
     "exchanges": (EXCHANGE, 1),
     "trips": (TRIP, 1),
@@ -579,6 +588,8 @@ class Model(NamedTuple):
     timers: Any
     # (1,)
     desk: Any
+    # Those at the bay; none if carriers go to the load-out themselves.
+    trailers: Any
     # -- the results
     deliveries: Any
     exchanges: Any

@@ -252,6 +252,7 @@ class EventHarvest:
         """Whether a robot is on its way, charges, or is at the load-out: the harvest goes on."""
         robots = self.model.robots
         is_any_away = np.any(c.QUARTERS * robots.back >= self.model.desk[0].now)
+        is_any_away |= np.any(c.QUARTERS * self.model.trailers.back >= self.model.desk[0].now)
         return bool(robots.is_charging.any() or np.any(robots.state == c.DRIVING) or is_any_away)
 
     @property
@@ -288,7 +289,8 @@ class EventHarvest:
         """The length of the harvest, s."""
         robots = self.model.robots
         stand = np.minimum(robots.stood, robots.parked)
-        return float(np.maximum(stand, robots.back).max()) * TIME_STEP
+        backs = [*robots.back.tolist(), *self.model.trailers.back.tolist()]
+        return float(max(stand.max(), *backs)) * TIME_STEP
 
     @property
     def flat(self) -> list[str]:

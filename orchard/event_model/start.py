@@ -33,6 +33,7 @@ STATE = (
     "distances",
     "timers",
     "desk",
+    "trailers",
     "deliveries",
     "exchanges",
     "trips",
@@ -100,6 +101,7 @@ def _initial(
 ) -> c.Model:
     """Return a model at the start of a harvest, without the speeds of rows and without a log."""
     count = len(starts)
+    load_out = layout.scenario.load_out
     bins = np.zeros(len(bin_names), c.BIN).view(np.recarray)
     bins.taken = c.NEVER
     bins.full = c.NONE
@@ -135,6 +137,7 @@ def _initial(
         distances=np.zeros((count, len(program.ends))),
         timers=timers,
         desk=_desk(layout, program),
+        trailers=np.zeros(load_out.trailers.count or 0, c.TRAILER).view(np.recarray),
         deliveries=np.zeros(program.bins, np.int64),
         exchanges=np.zeros(exchanges, c.EXCHANGE).view(np.recarray),
         trips=np.zeros(exchanges, c.TRIP).view(np.recarray),
@@ -193,5 +196,7 @@ def _desk(layout: Layout, program: Program) -> Any:
     desk.seconds_to_charge = battery.hours_to_charge * 3600.0
     desk.standing = battery.standing
     desk.haul_charge = haul_charge(scenario, layout.machines["carrier"])
+    desk.trailer_bins = scenario.load_out.trailers.bins or 0
+    desk.trailer_ticks = layout.machines["carrier"].trailer_ticks
     desk.free_chargers = max(1, scenario.chargers)
     return desk

@@ -34,6 +34,8 @@ class Machine:
     haul_driving_ticks: int
     #: Ticks for which it stands there.
     haul_standing_ticks: int
+    #: Ticks for which a trailer that leaves the bay is away; 0 without trailers.
+    trailer_ticks: int
 
     @property
     def haul_ticks(self) -> int:
@@ -73,6 +75,9 @@ def machine_of(scenario: Scenario, kind: str) -> Machine:
         turn = _radians(scenario.picking.turning)
     handling = scenario.handling
     load_out = scenario.load_out
+    driving = _ticks(load_out.seconds_on_the_way)
+    standing = _ticks(load_out.seconds)
+    of_carriers = load_out.is_of_carriers
     return Machine(
         speed=speed,
         turn=turn,
@@ -80,8 +85,9 @@ def machine_of(scenario: Scenario, kind: str) -> Machine:
         uncoupling_ticks=_ticks(handling.uncoupling),
         exchange_ticks=_ticks(handling.exchange),
         unloading_ticks=_ticks(handling.unloading),
-        haul_driving_ticks=_ticks(load_out.seconds_on_the_way),
-        haul_standing_ticks=_ticks(load_out.seconds),
+        haul_driving_ticks=driving if of_carriers else 0,
+        haul_standing_ticks=standing if of_carriers else 0,
+        trailer_ticks=driving + standing if load_out.has_trailers else 0,
     )
 
 

@@ -603,7 +603,7 @@ class OneWay:
 
     def haul(self) -> list[Step]:
         """Return the steps of a carrier that has unloaded and is away, in its line of the queue."""
-        if not self.layout.scenario.load_out.is_given:
+        if not self.layout.scenario.load_out.is_of_carriers:
             return []
         return [st.Say("away at the load-out", "hauling"), st.Haul(self.queue.head)]
 

@@ -85,6 +85,11 @@ class Bounds:
             "carriers": scenario.carrier_count / busy,
             "unloading": 1.0 / self.bay_seconds,
         } | ({"chargers": scenario.chargers / charged} if charging else {})
+        trailers = scenario.load_out.trailers
+        if trailers.count is not None and trailers.bins is not None:
+            # Each is away, and bins are put on it one after another.
+            ticks = carrier.trailer_ticks + trailers.bins * carrier.unloading_ticks
+            self.terms["trailers"] = trailers.count * trailers.bins / (ticks * TIME_STEP)
 
     @property
     def row_end_share(self) -> float:

@@ -198,6 +198,7 @@ class _LongRun:
             carriers / scenario.carrier_count,
             chargers / max(1, scenario.chargers),
             rate * closest,
+            rate / self.limit.terms.get("trailers", inf),
         ]
         return rate / max(1.0, *excess)
 

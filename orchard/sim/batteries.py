@@ -71,8 +71,8 @@ def _use(world: World, stands: np.ndarray) -> np.ndarray:
     share = np.where(stands, battery.standing, 1.0)
     share[stands & is_in_queue] = 0.0
     used: np.ndarray = share * (TIME_STEP / HOUR / (battery.hours or np.inf))
-    if world.is_any_hauling:
-        carrier = world.layout.machines["carrier"]
+    carrier = world.layout.machines["carrier"]
+    if carrier.haul_ticks:
         away = hauls.are_away(world)[world.fixed.carriers]
         used[away] += haul_charge(world.layout.scenario, carrier) / carrier.haul_ticks
     return used

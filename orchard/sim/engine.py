@@ -365,6 +365,8 @@ def next_digest(
         arrays += [world.charge, world.plugged]
     if world.layout.machines["carrier"].haul_ticks:
         arrays.append(world.hauling)
+    if world.layout.machines["carrier"].trailer_ticks:
+        arrays.append(world.trailers)
     for array in arrays:
         sha.update(np.ascontiguousarray(array, dtype=_LITTLE[array.dtype.char]).data)
     for name in sorted(mail_digests):

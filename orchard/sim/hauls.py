@@ -22,7 +22,7 @@ def begin(world: World, carrier: int) -> None:
 
 def advance(world: World) -> None:
     """Let a tick pass for the carriers that are away."""
-    if world.is_any_hauling:
+    if world.layout.machines["carrier"].haul_ticks:
         world.hauling[are_away(world)] -= 1
 
 

@@ -12,7 +12,7 @@ from orchard.contract.events import Event
 from orchard.contract.messages import Deed
 from orchard.field.geometry import EAST, angle_between
 from orchard.field.kinds import kind_of
-from orchard.sim import batteries, hauls
+from orchard.sim import batteries, hauls, trailers
 from orchard.sim.deeds import do_deeds
 from orchard.sim.kernels.jit import in_order
 from orchard.sim.kernels.move import advance
@@ -139,7 +139,7 @@ def _unload(world: World) -> list[Event]:
     begun = [i for i in waiting if world.bay_ticks[i] > 0]
     ticks = int(world.bay_ticks[begun[0]]) if begun else 0
     world.bay_ticks[:] = 0
-    if not waiting:
+    if not waiting or not trailers.is_any_there(world):
         return []
     bin_ = (begun or waiting)[0]
     world.bay_ticks[bin_] = ticks + 1
@@ -151,6 +151,7 @@ def _unload(world: World) -> list[Event]:
     world.delivered += 1
     name = world.layout.names[bin_]
     hauls.begin(world, int(world.coupled[bin_]))
+    trailers.take(world, is_last=_is_all_unloaded(world))
     carrier = world.layout.names[int(world.coupled[bin_])]
     return [Event(world.tick, "unloaded", name, carrier, f"bin number {world.delivered}")]
 
@@ -181,12 +182,18 @@ def harvest_is_over(world: World) -> bool:
     fixed = world.fixed
     if world.is_any_hauling:
         return False
-    if False in world.rows_done.tolist() or max(world.fill.tolist()) >= fixed.bin_least:
+    if not _is_all_unloaded(world):
         return False
     pickers = fixed.pickers.tolist()
     carriers = fixed.carriers.tolist()
     is_any_moving = any(not is_at_rest(world, i) for i in pickers + carriers)
     return not is_any_moving and all(_waits_in_queue(world, carrier) for carrier in carriers)
+
+
+def _is_all_unloaded(world: World) -> bool:
+    """Whether all rows are picked, and all bins are unloaded."""
+    is_all_picked = False not in world.rows_done.tolist()
+    return is_all_picked and max(world.fill.tolist()) < world.fixed.bin_least
 
 
 def _waits_in_queue(world: World, carrier: int) -> bool:

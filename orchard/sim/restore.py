@@ -78,6 +78,7 @@ def _faults(world: World) -> Iterator[str]:
         "pick_from": (world.pick_from, -FURTHEST, FURTHEST),
         "bay_ticks": (world.bay_ticks, 0, LAST_TICK),
         "hauling": (world.hauling, 0, world.layout.machines["carrier"].haul_ticks),
+        "trailers": (world.trailers, 0, LAST_TICK),
         "delivered": (world.delivered, 0, LAST_TICK),
         "delivered_metres": (world.delivered_metres, 0.0, FURTHEST),
         "distance": (world.distance, 0.0, FURTHEST),

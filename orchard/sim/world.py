@@ -198,6 +198,10 @@ class World:
         self.bay_ticks = np.zeros(n, dtype=np.int64)
         # Of carriers that have unloaded: ticks for which they will still be away at the load-out.
         self.hauling = np.zeros(n, dtype=np.int64)
+        # Of each trailer at the bay, the bins on it, and the tick at which it is or was back; see
+        # trailers.py. Without trailers there is one that nobody uses.
+        load_out = layout.scenario.load_out
+        self.trailers = np.zeros((load_out.trailers.count or 1, 2), dtype=np.int64)
         # Bins unloaded, and the metres that were in them.
         self.delivered = 0
         self.delivered_metres = 0.0
@@ -266,8 +270,13 @@ class World:
 
     @property
     def is_any_hauling(self) -> bool:
-        """Whether a carrier is away at the load-out, or on its way from the bay to it."""
-        return bool(self.layout.machines["carrier"].haul_ticks) and bool(self.hauling.any())
+        """Whether a carrier is away at the load-out, or on its way from the bay to it; or a
+        trailer is away.
+        """
+        machine = self.layout.machines["carrier"]
+        if machine.trailer_ticks:
+            return bool((self.trailers[:, 1] > self.tick).any())
+        return bool(machine.haul_ticks) and bool(self.hauling.any())
 
     @property
     def is_any_plugged(self) -> bool:

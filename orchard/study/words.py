@@ -93,7 +93,17 @@ def _machine_words(scenario: Scenario) -> dict[str, str]:
 
 
 def _load_out_words(scenario: Scenario) -> dict[str, str]:
-    """Return how long carriers are away at the load-out, in words, by the key that says it."""
+    """Return how long carriers, or trailers, are away at the load-out, in words, by their keys."""
+    words = _way_words(scenario)
+    trailers = scenario.load_out.trailers
+    if trailers.count is not None and trailers.bins is not None:
+        words["load_out.trailers.count"] = counted("trailers", trailers.count)
+        words["load_out.trailers.bins"] = f"{counted('bins', trailers.bins)} on each"
+    return words
+
+
+def _way_words(scenario: Scenario) -> dict[str, str]:
+    """Return the way to the load-out in words, by the key that says it."""
     load_out = scenario.load_out
     if load_out.seconds_away is not None:
         return {"load_out.seconds_away": f"{load_out.seconds_away:g} s away at the load-out"}

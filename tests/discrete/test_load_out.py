@@ -1,8 +1,9 @@
-"""A load-out: carriers that have unloaded are away for a time, in the simulator and in the event
-model alike.
+"""A load-out: carriers that have unloaded, or trailers that are full, are away for a time, in the
+simulator and in the event model alike.
 """
 
 from collections.abc import Iterator
+from itertools import pairwise
 from random import Random
 from statistics import fmean
 from typing import Any
@@ -83,6 +84,11 @@ def load_outs(seed: int, count: int) -> Iterator[Layout]:
                 "speed": round(chances.uniform(1.0, 8.0), 1),
                 "seconds": float(chances.randint(0, 90)),
             }
+        if chances.random() < 0.5:
+            time_away["trailers"] = {
+                "count": chances.randint(1, 3),
+                "bins": chances.randint(1, 4),
+            }
         return NOBODY | {
             "rows": chances.randint(3, 5),
             "row_length": float(chances.randint(20, 30)),
@@ -137,7 +143,7 @@ def test_both_models_agree_about_batteries_and_a_load_out(chargers: int) -> None
     assert modelled(layout) == pytest.approx(simulated(layout), rel=0.01)
 
 
-# -- what it means
+# -- carriers that go there
 
 
 def test_a_harvest_ends_when_the_last_carrier_is_back() -> None:
@@ -207,6 +213,10 @@ def test_the_answer_says_how_long_carriers_are_away() -> None:
     assert "a load-out 400 m away, 4 m/s on the way to it, 60 s there" in orchard_words(
         Scenario.model_validate({"load_out": {"metres": 400.0, "speed": 4.0, "seconds": 60.0}})
     )
+    trailers = {"seconds_away": 260.0, "trailers": {"count": 2, "bins": 3}}
+    assert "260 s away at the load-out, 2 trailers, 3 bins on each" in orchard_words(
+        Scenario.model_validate({"load_out": trailers})
+    )
     assert "load-out" not in orchard_words(Scenario())
 
 
@@ -219,6 +229,9 @@ def test_the_answer_says_how_long_carriers_are_away() -> None:
         ("{seconds: 60}", "has no effect without metres and speed; seconds_away is the whole"),
         ("{seconds_away: 8000}", "from 0.0 to 7200.0"),
         ("{metres: 400, speed: 100}", "from 0.5 to 15.0"),
+        ("{seconds_away: 9, trailers: {count: 2}}", "load_out.trailers.bins = None: must be set"),
+        ("{trailers: {count: 2, bins: 3}}", "have no way to drive: set metres and speed, or"),
+        ("{seconds_away: 9, trailers: {count: 1, bins: 9}}", "a trailer never fills: a harvest"),
     ],
 )
 def test_half_a_load_out_or_two_of_them_are_refused(text: str, words: str) -> None:
@@ -230,6 +243,75 @@ def test_half_a_load_out_or_two_of_them_are_refused(text: str, words: str) -> No
 def test_a_way_that_empties_a_battery_is_refused() -> None:
     with pytest.raises(ScenarioError, match=r"uses 1.1 of a battery; must be less than 0\.8"):
         parse("{load_out: {seconds_away: 400}, carrying: {battery: {hours: 0.1}}}")
+
+
+# -- trailers
+
+
+def with_trailers(count: int, bins: int, **values: Any) -> Layout:
+    trailers = {"count": count, "bins": bins}
+    return small(**values, load_out={"seconds_away": 150.0, "trailers": trailers})
+
+
+def test_a_carrier_waits_while_no_trailer_stands_at_the_bay() -> None:
+    """One trailer of one bin is away after each of the four bins: three carriers wait for it."""
+    layout = with_trailers(1, 1)
+    times = unloadings(layout)
+    assert len(times) == 4
+    assert min(later - earlier for earlier, later in pairwise(times)) >= 150.0
+    assert simulated(layout) == pytest.approx(times[-1] + 150.0, abs=0.2)
+    assert modelled(layout) == pytest.approx(simulated(layout), abs=0.3)
+
+
+def unloadings(layout: Layout) -> list[float]:
+    """Return when bins were unloaded in the simulator, s."""
+    run = Local(layout.scenario)
+    times = []
+    while not run.ended:
+        times += [run.engine.world.seconds for event in run.tick() if event.what == "unloaded"]
+    return times
+
+
+def test_a_larger_trailer_or_a_second_one_brings_more() -> None:
+    """A trailer drives when it is full, or with the last bin: then the harvest ends sooner."""
+    one = simulated(with_trailers(1, 1))
+    two = simulated(with_trailers(2, 1))
+    larger = simulated(with_trailers(1, 3))
+    endless = simulated(with_trailers(4, 1))
+    assert endless <= two < one - 100.0
+    assert larger < one - 100.0
+    assert endless == pytest.approx(simulated(small()) + 150.0, abs=20.0)
+
+
+def test_trailers_limit_the_rate() -> None:
+    few = Bounds(with_trailers(1, 1, picking_speed=1.0, carriers=6))
+    assert few.bottleneck == "trailers"
+    assert few.bins_per_hour == pytest.approx(3600.0 / 155.0)
+    assert Bounds(with_trailers(3, 4)).bottleneck != "trailers"
+
+
+def test_carriers_use_no_battery_for_trailers() -> None:
+    values = {"carriers": 1, "carrying": {"battery": {"hours": 2.0, "standing": 0.0}}}
+    near = harvested(small(**values)).engine.world
+    far = harvested(with_trailers(1, 4, **values)).engine.world
+    carrier = near.fixed.carriers[0]
+    assert far.charge[carrier] == near.charge[carrier]
+
+
+def test_a_run_goes_on_equally_while_a_trailer_is_away() -> None:
+    run = Local(with_trailers(1, 2).scenario)
+    while not run.engine.world.trailers[0, 1]:
+        run.tick()
+    again = Local.resume(run.snapshot())
+    start_afresh(again)
+    forked = run.fork(**{"load_out.seconds_away": 60.0})
+    for one in (run, again, forked):
+        while not one.ended:
+            one.tick()
+    assert again.engine.hash == run.engine.hash
+    assert forked.engine.tick < run.engine.tick - 500
+    with pytest.raises(ScenarioError, match=r"load_out\.trailers.*bins stand on the trailers"):
+        again.fork(**{"load_out.trailers.count": 2})
 
 
 # -- moments of a run

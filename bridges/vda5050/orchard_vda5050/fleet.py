@@ -115,7 +115,7 @@ def vehicles(layout: Layout, names: Collection[str]) -> dict[str, Agent]:
             f"row_width {layout.scenario.row_width:g}: fleet control drives pickers in rows that"
             " are 5.3 m apart or more, so row_width must be 4.8 or more"
         )
-    if "carrier" in map(kind_of, names) and layout.scenario.load_out.is_given:
+    if "carrier" in map(kind_of, names) and layout.scenario.load_out.is_of_carriers:
         raise ValueError(
             "load_out: fleet control knows no way from the bay to a load-out; leave load_out out,"
             " or the carriers to the run"

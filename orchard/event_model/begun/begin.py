@@ -24,6 +24,8 @@ def begin_at(moment: RunMoment) -> EventHarvest:
     layout = world.layout
     if world.is_any_stopped:
         raise NotInPlanError("an emergency stop holds a robot")
+    if layout.scenario.load_out.has_trailers:
+        raise NotImplementedError("the event model does not go on with trailers that are in use")
     if layout.scenario.route not in ROUTES:
         raise NotImplementedError("the event model does not go on with a route of your own")
     harvest = EventHarvest(layout)

@@ -93,6 +93,7 @@ from orchard.event_model.kernel.handling import (
 from orchard.event_model.kernel.motion import set_alarm
 from orchard.event_model.kernel.places import free_places, hear_claims, hear_grant, tick_of
 from orchard.event_model.kernel.roads import last_to_wake
+from orchard.event_model.kernel.trailers import load_trailer, unload
 
 # Notes in the log, at most, of what a robot begins in one tick.
 MOST_NOTES = 64
@@ -206,10 +207,13 @@ def begin(m, robot):
         return depart(m, robot)
     if kind == c.TURN:
         return turn(m, robot)
-    if kind == c.PAUSE or kind == c.UNLOAD:
+    if kind == c.PAUSE:
         me.state = c.LASTING
-        set_alarm(m, robot, op.ticks)
+        set_alarm(m, robot, op.ticks + me.hears_later)
+        me.hears_later = 0
         return False
+    if kind == c.UNLOAD:
+        return unload(m, robot)
     if kind == c.NEED:
         me.state = c.WAITING_FOR_PLACES
         return seize(m, robot, c.NONE)
@@ -302,6 +306,7 @@ def end_lasting(m, robot):
         me.swings_since = c.NEVER
     elif kind == c.UNLOAD:
         deliver(m)
+        load_trailer(m)
     return True
 
 

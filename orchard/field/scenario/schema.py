@@ -380,6 +380,7 @@ class Scenario(Section):
         self._demand_that_no_row_is_faster_than_a_picker()
         self._demand_days_for_their_prices()
         self._demand_a_battery_for_the_load_out()
+        self._demand_trailers_that_fill()
         if self.route in QUEUES:
             self._demand_room_in_the_queue()
         return self
@@ -393,9 +394,9 @@ class Scenario(Section):
     def _demand_a_battery_for_the_load_out(self) -> None:
         """A carrier comes back from the load-out with more than its reserve, if it left full."""
         battery = self.carrying.battery
-        if battery.hours is None:
-            return
         load_out = self.load_out
+        if battery.hours is None or load_out.has_trailers:
+            return
         driven = load_out.seconds_on_the_way + battery.standing * load_out.seconds
         used = driven / (3600.0 * battery.hours)
         text = (
@@ -405,6 +406,17 @@ class Scenario(Section):
         key = "metres" if load_out.seconds_away is None else "seconds_away"
         keys = ("carrying.battery.hours", "carrying.battery.reserve", f"load_out.{key}")
         self._demand(used < 1.0 - battery.reserve, text, *keys)
+
+    def _demand_trailers_that_fill(self) -> None:
+        """A harvest has the bins for a trailer, so that one leaves before it ends."""
+        bins = self.load_out.trailers.bins
+        if bins is None:
+            return
+        # The last bin of each picker may be part full.
+        most = math.ceil(self.rows * self.mean_row / self._metres_per_full_bin) + self.pickers
+        text = f"a trailer never fills: a harvest has {most} bins at most"
+        keys = ("load_out.trailers.bins", "rows", "bins_per_row")
+        self._demand(bins <= most, text, *keys)
 
     def _demand_room_in_the_queue(self) -> None:
         """The queue has places for all carriers."""

@@ -229,10 +229,33 @@ SECONDS_AWAY = (
 )
 
 
+TRAILER_COUNT = "number of trailers at the bay; null: none, carriers go to the load-out themselves"
+TRAILER_BINS = "number of bins with which a trailer drives to the load-out; null: as count"
+
+
+class Trailers(Section):
+    """Trailers that stand at the bay, and take the bins of carriers to the load-out.
+
+    A carrier swaps its full bin for an empty one there. It waits while no trailer stands there.
+    """
+
+    count: Annotated[int | None, Field(ge=1, le=20, description=TRAILER_COUNT), CHOICE] = None
+    bins: Annotated[int | None, Field(ge=1, le=40, description=TRAILER_BINS), CHOICE] = None
+
+    @model_validator(mode="after")
+    def _both_or_neither(self) -> "Trailers":
+        """Check that it is known how many there are, and how large."""
+        self._demand(
+            (self.count is None) == (self.bins is None), "must be set together", "count", "bins"
+        )
+        return self
+
+
 class LoadOut(Section):
     """Where full bins go from the bay: a carrier that has unloaded there is away for a time.
 
-    Either the way and the speed, or the time; neither: a carrier that has unloaded is home.
+    Either the way and the speed, or the time; neither: a carrier that has unloaded is home. With
+    trailers it is them that are away.
     """
 
     metres: Annotated[
@@ -248,10 +271,24 @@ class LoadOut(Section):
         float | None, Field(ge=0.0, le=7200.0, description=SECONDS_AWAY), CIRCUMSTANCE
     ] = None
 
+    trailers: Annotated[
+        Trailers, Field(description="trailers that take bins from the bay to the load-out")
+    ] = Trailers()
+
     @property
     def is_given(self) -> bool:
         """Whether there is a load-out."""
         return self.metres is not None or self.seconds_away is not None
+
+    @property
+    def has_trailers(self) -> bool:
+        """Whether trailers take the bins to the load-out."""
+        return self.trailers.count is not None
+
+    @property
+    def is_of_carriers(self) -> bool:
+        """Whether carriers take their bins to the load-out themselves."""
+        return self.is_given and not self.has_trailers
 
     @property
     def seconds_on_the_way(self) -> float:
@@ -281,6 +318,12 @@ class LoadOut(Section):
             self.seconds == 0.0 or self.metres is not None,
             "has no effect without metres and speed; seconds_away is the whole time",
             "seconds",
+            "metres",
+        )
+        self._demand(
+            self.is_given or not self.has_trailers,
+            "have no way to drive: set metres and speed, or seconds_away",
+            "trailers.count",
             "metres",
         )
         return self

@@ -63,7 +63,7 @@ def test_a_platform_for_apples_needs_a_minute_for_each_bin() -> None:
     assert bounds.bin_seconds - bounds.picking_seconds > 60.0
 
 
-def test_carts_bring_the_fruit_of_the_same_people_in_smaller_bins() -> None:
+def test_carts_bring_the_fruit_of_the_same_people() -> None:
     """People pick as many kilograms an hour, on the same hectare."""
     people = load(CONFIG / "hand_picking.yaml")
     carts = load(CONFIG / "cart_robots.yaml")

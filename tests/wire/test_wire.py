@@ -323,3 +323,26 @@ def test_the_layout_arrives_as_it_is(scenario):
         0.9,
         0.0,
     )
+
+
+def test_a_kind_of_body_tells_how_it_drives_and_sees():
+    layout = lay_out(SMALL)
+    kind = KINDS["picker"]
+    told = orchard_of(RUN, 0, layout).kinds["picker"]
+    machine = layout.machines["picker"]
+    assert machine.speed != machine.turn
+    assert (told.max_linear, told.max_angular) == (machine.speed, machine.turn)
+    assert (told.length, told.width, told.height) == (kind.length, kind.width, kind.height)
+    assert (told.tows, told.solid, told.robot) == (kind.tows, kind.solid, kind.robot)
+    laser = told.laser
+    assert (laser.x, laser.beams) == (kind.laser.ahead, kind.laser.beams)
+    assert (laser.angle_min, laser.angle_increment) == (kind.laser.first, kind.laser.increment)
+
+
+@settings(max_examples=1)
+@given(seen)
+def test_a_scan_tells_the_angle_of_its_last_beam(observation):
+    laser = KINDS["picker"].laser
+    told = scan_of(RUN, observation, laser, AROUND)
+    assert told.angle_min == laser.first
+    assert told.angle_max == pytest.approx(laser.first + 179 * laser.increment)

@@ -17,7 +17,7 @@ from orchard.field.survey import row_width_of, spacing_of
 from orchard.study.words import none_words
 
 # These come from a file, and are not entered on the page.
-FROM_FILE = (*AGENTS, "survey", "shift")
+FROM_FILE = (*AGENTS, "survey", "shift", "picker_rates")
 # Sections with names that belong to the labels of their values.
 NEEDED = ("laser", "odometry")
 # Labels of values for which the words of the file are too short for a reader of the page.
@@ -34,6 +34,8 @@ LABELS = {
     "dispatch_errors": "After a refused order",
     "picking.spread.distribution": "Spread of times",
     "picking.spread.cv": "Deviation of times",
+    "picking.spread_of_pickers.distribution": "Spread of pickers",
+    "picking.spread_of_pickers.cv": "Deviation of pickers",
     "picking.failure.mean_between": "Time between failures",
     "picking.failure.mean_repair": "Time of a repair",
     "carrying.failure.mean_between": "Time between carriers' failures",

@@ -42,6 +42,8 @@ FOR_EXPERTS = {
         "picking.turning",
         "picking.spread.distribution",
         "picking.spread.cv",
+        "picking.spread_of_pickers.distribution",
+        "picking.spread_of_pickers.cv",
         "picking.failure.mean_between",
         "picking.failure.mean_repair",
     ),

@@ -49,7 +49,8 @@ def figures(layout: Layout, limit: Bounds) -> list[Figure]:
 def _limit_figure(layout: Layout, limit: Bounds) -> Figure:
     meaning = "what this policy allows in a long harvest without traffic"
     # Each seed draws other rows then.
-    if layout.scenario.picking.spread.distribution != "none":
+    picking = layout.scenario.picking
+    if {picking.spread.distribution, picking.spread_of_pickers.distribution} != {"none"}:
         meaning += ", in rows that take their mean times"
     return "Limit", f"{limit.bins_per_hour:.1f} bins/h", meaning
 

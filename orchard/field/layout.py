@@ -353,15 +353,20 @@ Rows = tuple[tuple[Lane, ...], tuple[TreeLine, ...]]
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def _laid_out(text: str) -> Layout:
     scenario = Scenario.model_validate_json(text)
+    blocks = rows_to_pickers(scenario)
+    speeds = {}
+    for picker, block in blocks.items():
+        for row in block.rows:
+            speeds[row] = picking_speed_of(scenario, row, picker)
     if scenario.survey is None:
-        lanes, lines = _alike(scenario)
+        lanes, lines = _alike(scenario, speeds)
     else:
-        lanes, lines = _surveyed(scenario, scenario.survey)
+        lanes, lines = _surveyed(scenario.survey, speeds)
     bare = Layout(
         scenario=scenario,
         lanes=lanes,
         lines=lines,
-        blocks=MappingProxyType(rows_to_pickers(scenario)),
+        blocks=MappingProxyType(blocks),
         starts=(),
         walls=np.empty((0, 4)),
     )
@@ -385,27 +390,29 @@ def _moving_order(start: Start) -> tuple[bool, bool, str]:
     return not kind.robot, not kind.solid, start.name
 
 
-def _alike(scenario: Scenario) -> Rows:
-    """Return the lanes and lines of trees of rows that are all alike."""
+def _alike(scenario: Scenario, speeds: Mapping[int, float]) -> Rows:
+    """Return the lanes and lines of trees of rows that are all alike.
+
+    `speeds`: row -> how fast it is picked, m/s.
+    """
     pitch = spacing_of(scenario.row_width)
     top = top_line(pitch / 2)
     length = scenario.row_length
     lanes = []
     for number in range(1, scenario.rows + 1):
         y = top - (number - 0.5) * pitch
-        speed = picking_speed_of(scenario, number)
-        lanes.append(Lane(number, y, speed, ROW_WEST, length, scenario.row_width))
+        lanes.append(Lane(number, y, speeds[number], ROW_WEST, length, scenario.row_width))
     lines = [
         TreeLine(top - i * pitch, ROW_WEST, ROW_WEST + length) for i in range(scenario.rows + 1)
     ]
     return tuple(lanes), tuple(lines)
 
 
-def _surveyed(scenario: Scenario, survey: Survey) -> Rows:
+def _surveyed(survey: Survey, speeds: Mapping[int, float]) -> Rows:
     """Return the lanes of surveyed rows. A line of trees lies midway between two of them.
 
     Where rows are missing, or a road passes, each of the two has a line of trees of its own, as far
-    away as midway between two rows elsewhere.
+    away as midway between two rows elsewhere. `speeds`: row -> how fast it is picked, m/s.
     """
     souths = [row.south for row in survey.rows]
     gaps = [south - north for north, south in pairwise(souths)]
@@ -420,7 +427,7 @@ def _surveyed(scenario: Scenario, survey: Survey) -> Rows:
         north = top - (souths_of_lines[number - 1][-1] - first)
         south = top - (souths_of_lines[number][0] - first)
         y = top - (row.south - first)
-        lanes.append(_lane(scenario, number, row, y, min(north - y, y - south)))
+        lanes.append(_lane(number, row, speeds[number], y, min(north - y, y - south)))
     lines = []
     for i, of_gap in enumerate(souths_of_lines):
         beside = lanes[max(0, i - 1) : i + 1]
@@ -443,15 +450,16 @@ def _lines_between(north: float, south: float, usual: float) -> list[float]:
     return [north + usual / 2, south - usual / 2]
 
 
-def _lane(scenario: Scenario, number: int, row: SurveyedRow, y: float, beside: float) -> Lane:
+def _lane(number: int, row: SurveyedRow, speed: float, y: float, beside: float) -> Lane:
     """Return the lane of a surveyed row.
 
-    `y`: of its centre line; `beside`: from there to the nearer line of trees, m.
+    `speed`: at which it is picked, m/s. `y`: of its centre line; `beside`: from there to the nearer
+    line of trees, m.
     """
     return Lane(
         number=number,
         y=y,
-        picking_speed=picking_speed_of(scenario, number),
+        picking_speed=speed,
         west=ROW_WEST + row.start,
         length=row.length,
         width=2 * beside - TRUNK,

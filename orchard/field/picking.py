@@ -1,30 +1,45 @@
-"""Work as it is: how fast each row is picked, when a robot fails and for how long, drawn by the
-seed.
+"""Work as it is: how fast each picker is, and each row is picked; when a robot fails and for how
+long. All of it is drawn by the seed.
 
 Of a row's picking time, the time to drive along it at top speed is sure, and the rest is drawn. So
 no row is picked faster than a picker can drive, and mean and deviation of the whole time are
-exactly those that the scenario names.
+exactly those that the scenario names. Pickers differ in the same way: each has a mean of its own,
+about which its rows are drawn.
 """
 
 import math
 from collections.abc import Callable, Iterator
 
 from orchard.field.repeatable import draw, exp, exponential, log, normal
-from orchard.field.scenario import Scenario
+from orchard.field.scenario import Scenario, Spread
 
 # Pairs of random numbers, uniform in [0, 1).
 Chances = Iterator[list[float]]
 
 
-def picking_speed_of(scenario: Scenario, row: int) -> float:
-    """Return the speed at which a row is picked from end to end, m/s."""
-    mean = scenario.mean_picking_speed
-    spread = scenario.picking.spread
+def picking_speed_of(scenario: Scenario, row: int, picker: str) -> float:
+    """Return the speed at which a row is picked from end to end by its picker, m/s."""
+    mean = picker_speed_of(scenario, picker)
+    return _slowed(scenario, scenario.picking.spread, f"row {row}", mean)
+
+
+def picker_speed_of(scenario: Scenario, picker: str) -> float:
+    """Return the mean speed at which a picker picks its rows, m/s."""
+    mean = scenario.mean_picking_speed * scenario.picker_rates.get(picker, 1.0)
+    return _slowed(scenario, scenario.picking.spread_of_pickers, picker, mean)
+
+
+def _slowed(scenario: Scenario, spread: Spread, what: str, mean: float) -> float:
+    """Return the speed of a row or of a picker, m/s, drawn by the seed about a mean.
+
+    The spread is that of an usual picker, also for one that has another mean.
+    """
     if spread.distribution == "none":
         return mean
+    usual = scenario.mean_picking_speed
     most = scenario.top_picking_speed
-    chances = (draw(scenario.seed, f"picking of row {row}", number, 2) for number in range(2**63))
-    share = _SHARES[spread.distribution](spread.cv * most / (most - mean), chances)
+    chances = (draw(scenario.seed, f"picking of {what}", number, 2) for number in range(2**63))
+    share = _SHARES[spread.distribution](spread.cv * most / (most - usual), chances)
     return most * mean / (mean + (most - mean) * share)
 
 

@@ -31,8 +31,16 @@ _CLASSES = {
         "a map of new names and the classes that drive them: {weather: my_package.Weather}"
     ),
 }
+# The same of other maps, and of a value in them.
+_MAPS = {
+    "picker_rates": (
+        "a map of pickers and their rates as shares of the usual one: {picker_03: 0.5}",
+        "a number from 0.05 to 20: the share of the usual rate",
+    ),
+}
 # What is wrong with a key of such a map.
 _NOT_A_NAME = {
+    "picker_rates": "not the name of a picker, such as picker_01",
     "agents": f"not a kind ({', '.join(KINDS)}) and not a name such as picker_01",
     "agents_without_body": "not a name: small letters, digits and _, beginning with a letter",
 }
@@ -239,6 +247,9 @@ def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
     """The allowed values of a field: 'a number from 5.0 to 12.0 (width of a row between its trees,
     m)'.
     """
+    if path[0] in _MAPS:
+        of_map, of_value = _MAPS[path[0]]
+        return of_map if len(path) == 1 else of_value
     if path[0] in _CLASSES:
         if len(path) == 1:
             return _CLASSES[path[0]]
@@ -275,7 +286,7 @@ def _field(path: tuple[str, ...], model: type[BaseModel]) -> FieldInfo:
 
 def _guess(path: tuple[str, ...], model: type[BaseModel], value: Any) -> str:
     """Return which known name a wrong one may stand for, in words; nothing if none is near."""
-    if path[0] in _CLASSES or not isinstance(value, str):
+    if path[0] in (*_CLASSES, *_MAPS) or not isinstance(value, str):
         return ""
     known_names = map(str, _field(path, model).examples or [])
     near = difflib.get_close_matches(value[:60], known_names, n=1)

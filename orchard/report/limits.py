@@ -42,8 +42,10 @@ def limit_of_question(scenario: Scenario) -> Bounds:
 
 
 def in_mean_rows(scenario: Scenario) -> Scenario:
-    """Return the scenario with rows that are all picked in their mean time, whatever its seed."""
-    picking = scenario.picking.model_copy(update={"spread": Spread()})
+    """Return the scenario with pickers and rows that take their mean times, whatever its seed."""
+    picking = scenario.picking.model_copy(
+        update={"spread": Spread(), "spread_of_pickers": Spread()}
+    )
     return with_seed(scenario, LIMIT_SEED).model_copy(update={"picking": picking})
 
 

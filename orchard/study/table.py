@@ -141,10 +141,13 @@ def as_table(result: StudyResult) -> Table:
 
 
 def _are_rows_drawn(result: StudyResult) -> bool:
-    """Whether the seed draws in some settings how fast rows are picked."""
-    spread: dict[str, Any] = result.scenario.get("picking", {}).get("spread", {})
-    varied = result.varied.get("picking.spread.distribution", [])
-    return {spread.get("distribution", "none"), *varied} != {"none"}
+    """Whether the seed draws in some settings how fast rows or pickers are."""
+    picking = result.scenario.get("picking", {})
+    distributions = set[str]()
+    for name in ("spread", "spread_of_pickers"):
+        distributions.add(picking.get(name, {}).get("distribution", "none"))
+        distributions.update(result.varied.get(f"picking.{name}.distribution", []))
+    return distributions != {"none"}
 
 
 def _has_choices(result: StudyResult) -> bool:

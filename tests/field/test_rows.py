@@ -84,7 +84,11 @@ def scenario(
 
 def times(distribution: str, cv: float, speed: float) -> list[float]:
     orchards = (scenario(distribution, cv, speed, seed) for seed in SEEDS)
-    return [speed / picking_speed_of(orchard, row) for orchard in orchards for row in range(1, 21)]
+    return [
+        speed / picking_speed_of(orchard, row, "picker_01")
+        for orchard in orchards
+        for row in range(1, 21)
+    ]
 
 
 def share_below(distribution: str, time: float, cv: float, least: float) -> float:
@@ -138,7 +142,7 @@ def test_no_row_is_faster_than_a_picker_whatever_is_allowed(
 ) -> None:
     cv = max(LEAST_CV, share * WIDEST[distribution] * (1.0 - speed))
     own = scenario(distribution, cv, speed, seed)
-    assert all(0.0 < picking_speed_of(own, row) <= 1.0 for row in range(1, 6))
+    assert all(0.0 < picking_speed_of(own, row, "picker_01") <= 1.0 for row in range(1, 6))
 
 
 def test_rows_are_alike_unless_a_distribution_is_named() -> None:
@@ -197,7 +201,7 @@ def test_the_widest_spread_is_fine() -> None:
 NO_PICKING = [
     (
         "picking: {spread: {distribution: normal}}",
-        "(distribution of the rows' picking times: none, lognormal, gamma, uniform)",
+        "(distribution of the picking times: none, lognormal, gamma, uniform)",
     ),
     (
         "picking: {failure: {mean_between: 1}}",

@@ -14,6 +14,10 @@ _IN_VAIN = {
     "carrying.battery.reserve": ("carrying.battery.hours", _NO_BATTERY),
     "picking.failure.mean_repair": ("picking.failure.mean_between", _NO_FAILURE),
     "carrying.failure.mean_repair": ("carrying.failure.mean_between", _NO_FAILURE),
+    "picking.spread_of_pickers.cv": (
+        "picking.spread_of_pickers.distribution",
+        "has no effect: all pickers are alike while the distribution is none",
+    ),
     "picking.spread.cv": (
         "picking.spread.distribution",
         "has no effect: all rows are picked alike while the distribution is none",
@@ -42,6 +46,9 @@ def _rules_of_effect(scenario: Scenario) -> Iterator[tuple[tuple[str, ...], str]
         "picking.failure.mean_between": scenario.picking.failure.mean_between is not None,
         "carrying.failure.mean_between": scenario.carrying.failure.mean_between is not None,
         "picking.spread.distribution": scenario.picking.spread.distribution != "none",
+        "picking.spread_of_pickers.distribution": (
+            scenario.picking.spread_of_pickers.distribution != "none"
+        ),
     }
     default = Scenario.model_construct()
     for field, (needed, text) in _IN_VAIN.items():

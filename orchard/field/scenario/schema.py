@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from orchard.field.kinds import DISPATCH, KINDS, TRAFFIC, kind_of
+from orchard.field.kinds import DISPATCH, KINDS, TRAFFIC, kind_of, name_of
 from orchard.field.problems import Section
 from orchard.field.queue import (
     LONGEST_ROW,
@@ -26,6 +26,7 @@ from orchard.field.scenario.fields import (
     CIRCUMSTANCE,
     Classes,
     MoreAgents,
+    PickerRates,
     choice,
     count,
     plugin,
@@ -54,6 +55,7 @@ from orchard.field.scenario.sections import (
     Picking,
     Prices,
     SensorSettings,
+    Spread,
 )
 from orchard.field.scenario.shift import WorkShift
 from orchard.field.survey import (
@@ -160,6 +162,7 @@ class Scenario(Section):
     picking: Annotated[
         Picking, Field(description="what pickers can, and how picking varies"), CIRCUMSTANCE
     ] = Picking()
+    picker_rates: Annotated[PickerRates, CIRCUMSTANCE] = {}
     carrying: Annotated[
         Carrying, Field(description="what carriers can, and how their work varies")
     ] = Carrying()
@@ -315,7 +318,8 @@ class Scenario(Section):
     @property
     def work_is_drawn(self) -> bool:
         """Whether the seed changes how long robots work."""
-        if self.picking.spread.distribution != "none":
+        spreads = (self.picking.spread, self.picking.spread_of_pickers)
+        if any(spread.distribution != "none" for spread in spreads):
             return True
         failures = (self.picking.failure, self.carrying.failure)
         return any(failure.mean_between is not None for failure in failures)
@@ -378,6 +382,7 @@ class Scenario(Section):
             self.chargers > 0 or not self.has_batteries, text, "chargers", "carrying.battery.hours"
         )
         self._demand_that_no_row_is_faster_than_a_picker()
+        self._demand_rates_of_pickers()
         self._demand_days_for_their_prices()
         self._demand_a_battery_for_the_load_out()
         self._demand_trailers_that_fill()
@@ -487,7 +492,13 @@ class Scenario(Section):
         """A row takes at least the time to drive along it, so only the rest of its mean time can
         spread.
         """
-        spread = self.picking.spread
+        self._demand_a_spread_that_can_be("picking.spread", self.picking.spread)
+        self._demand_a_spread_that_can_be(
+            "picking.spread_of_pickers", self.picking.spread_of_pickers
+        )
+
+    def _demand_a_spread_that_can_be(self, path: str, spread: Spread) -> None:
+        """Check that a spread leaves the time to drive along a row. `path`: of the spread."""
         if spread.distribution == "none":
             return
         top = self.top_picking_speed
@@ -498,8 +509,26 @@ class Scenario(Section):
             wanted = "the distribution must be none"
         speed = "picking_speed" if self.picking_rate is None else "picking_rate"
         text = f"{wanted} at this {speed}, because no picker picks faster than {top:g} m/s"
-        keys = (speed, "picking.spread.distribution", "picking.spread.cv")
+        keys = (speed, f"{path}.distribution", f"{path}.cv")
         self._demand(spread.cv <= most + 1e-9, text, *keys)
+
+    def _demand_rates_of_pickers(self) -> None:
+        """Check that the rates are those of pickers, and that no picker is faster than it can."""
+        names = [name_of("picker", i + 1) for i in range(self.pickers)]
+        unknown = [name for name in self.picker_rates if name not in names]
+        text = (
+            f"must be pickers that there are, {names[0]} to {names[-1]}; not {', '.join(unknown)}"
+        )
+        self._demand(not unknown, text, "picker_rates")
+        least = SLOWEST / self.mean_picking_speed
+        most = self.top_picking_speed / self.mean_picking_speed
+        text = (
+            f"must be {least:.3g} to {most:.4g} each: a picker goes {SLOWEST:g} to"
+            f" {self.top_picking_speed:g} m/s"
+        )
+        rates = self.picker_rates.values()
+        are_possible = all(least <= rate <= most * (1.0 + 1e-9) for rate in rates)
+        self._demand(are_possible, text, "picker_rates")
 
     def _demand_what_the_survey_says(self) -> None:
         """Rows, their length and width are those of the survey, if there is one."""

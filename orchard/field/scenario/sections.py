@@ -68,17 +68,17 @@ WIDEST = {
 
 
 class Spread(Section):
-    """How the picking times of rows differ. Their mean is that of the picking speed."""
+    """How the picking times of rows, or of pickers, differ. Their mean is that of the speed."""
 
-    distribution: Annotated[
-        str, choice(("none", *WIDEST), "distribution of the rows' picking times")
-    ] = "none"
+    distribution: Annotated[str, choice(("none", *WIDEST), "distribution of the picking times")] = (
+        "none"
+    )
     cv: Annotated[
         float,
         Field(
             ge=LEAST_CV,
             le=1.0,
-            description="standard deviation of a row's picking time, as a share of its mean",
+            description="standard deviation of the picking time, as a share of its mean",
         ),
     ] = 0.3
 
@@ -124,6 +124,9 @@ class Picking(Section):
     turning: Annotated[float, Field(ge=SLOWEST_TURN, le=FASTEST_TURN, description=TURNING)] = (
         USUAL_TURNING
     )
+    spread_of_pickers: Annotated[
+        Spread, Field(description="how the mean picking times of pickers differ")
+    ] = Spread()
     spread: Annotated[Spread, Field(description="how the picking times of rows differ")] = Spread()
     failure: Annotated[
         Failure, Field(description="how often pickers fail, and for how long they stand")

@@ -1,0 +1,110 @@
+"""Pickers that differ: by a spread that the seed draws, and by a rate of each; in both models."""
+
+import statistics
+
+import pytest
+from stage import empty_orchard
+
+from orchard.discrete.harvest import DiscreteHarvest
+from orchard.field.layout import Layout, lay_out
+from orchard.field.picking import picker_speed_of
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import Scenario, parse, with_changes
+from orchard.local import Local
+from orchard.report.bounds import Bounds
+
+CREW = empty_orchard(
+    rows=4, pickers=2, carriers=2, row_length=20.0, picking_rate=40.0, bins_per_row=1.0
+)
+SPREAD = {"spread_of_pickers": {"distribution": "gamma", "cv": 0.3}}
+
+
+def speeds(layout: Layout) -> dict[str, list[float]]:
+    """Return the speeds of the rows of each picker."""
+    found = {}
+    for name, block in layout.blocks.items():
+        found[name] = [layout.lane(row).picking_speed for row in block.rows]
+    return found
+
+
+def test_a_slow_picker_picks_its_rows_slowly() -> None:
+    usual = speeds(lay_out(CREW))
+    slow = speeds(lay_out(with_changes(CREW, picker_rates={"picker_02": 0.5})))
+    assert slow["picker_01"] == usual["picker_01"]
+    assert slow["picker_02"] == pytest.approx([speed / 2 for speed in usual["picker_02"]])
+
+
+def test_a_crew_with_a_slow_picker_has_a_lower_limit() -> None:
+    usual = Bounds(lay_out(CREW)).terms["pickers"]
+    crew = Bounds(lay_out(with_changes(CREW, picker_rates={"picker_02": 0.5}))).terms["pickers"]
+    assert 0.7 * usual < crew < 0.85 * usual
+
+
+def test_a_picker_has_one_speed_in_all_of_its_rows() -> None:
+    found = speeds(lay_out(with_changes(CREW, picking=SPREAD)))
+    for of_rows in found.values():
+        assert len(set(of_rows)) == 1
+    assert found["picker_01"] != found["picker_02"]
+
+
+@pytest.mark.parametrize("distribution", ["lognormal", "gamma", "uniform"])
+def test_picking_times_of_pickers_have_the_mean_and_the_cv(distribution: str) -> None:
+    spread = {"distribution": distribution, "cv": 0.2}
+    times = []
+    for seed in range(2000):
+        crew = CREW.model_copy(
+            update={
+                "seed": seed,
+                "picking": with_changes(CREW, picking={"spread_of_pickers": spread}).picking,
+            }
+        )
+        times.append(1.0 / picker_speed_of(crew, "picker_01"))
+    usual = 1.0 / CREW.mean_picking_speed
+    assert statistics.fmean(times) == pytest.approx(usual, rel=0.02)
+    assert statistics.stdev(times) == pytest.approx(0.2 * usual, rel=0.08)
+
+
+@pytest.mark.parametrize(
+    "changes", [{"picker_rates": {"picker_02": 0.5}}, {"picking": SPREAD}], ids=["rate", "spread"]
+)
+def test_both_models_agree_on_a_crew_that_differs(changes: dict) -> None:
+    crew = with_changes(CREW, **changes)
+    run = Local(crew)
+    while not run.ended:
+        run.tick()
+    assert run.ended == "harvested"
+    fast = DiscreteHarvest(lay_out(crew)).run()
+    usual = DiscreteHarvest(lay_out(CREW)).run()
+    assert fast.seconds == pytest.approx(run.engine.world.seconds, rel=0.002)
+    assert abs(fast.seconds - usual.seconds) > 5.0, "the crew is another one"
+
+
+MISTAKES = [
+    ("picker_rates: {picker_09: 0.5}", "must be pickers that there are, picker_01 to picker_02"),
+    ("picker_rates: {anna: 0.5}", "picker_rates.anna: not the name of a picker"),
+    ("picker_rates: {picker_01: fast}", "must be a number from 0.05 to 20: the share"),
+    ("picker_rates: [0.5]", "must be a map of pickers and their rates"),
+    ("picker_rates: {picker_01: 2}", "a picker goes 0.001 to 1 m/s"),
+    (
+        "picking: {spread_of_pickers: {distribution: gamma}}",
+        "the distribution must be none at this picking_speed",
+    ),
+    (
+        "picking: {spread_of_pickers: {cv: 0.2}}",
+        "has no effect: all pickers are alike while the distribution is none",
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "told"), MISTAKES)
+def test_a_crew_that_cannot_be_is_told(text: str, told: str) -> None:
+    with pytest.raises(ScenarioError) as error:
+        parse(text, "my.yaml")
+    assert told in str(error.value)
+    assert str(error.value).startswith("my.yaml")
+
+
+def test_a_crew_that_differs_is_work_that_the_seed_draws() -> None:
+    assert with_changes(CREW, picking=SPREAD).work_is_drawn
+    assert not with_changes(CREW, picker_rates={"picker_01": 0.5}).work_is_drawn
+    assert not Scenario().work_is_drawn

@@ -14,6 +14,7 @@ from orchard.app.desks import Desk
 from orchard.app.draft import Draft, counted_fields
 from orchard.app.elements import StartAndStop, button, dialog, note, while_alive
 from orchard.app.entries import label_of
+from orchard.app.estimate import EstimateView
 from orchard.app.form import Form
 from orchard.app.harvest_run import SETTINGS, HarvestCommand, Harvests, RunSettings
 from orchard.app.link import query_of
@@ -102,6 +103,7 @@ class Page:
             with _section("form", "Settings of the orchard"):
                 self.form = Form(self.draft)
             with _section("answer-card", "How many carriers?"):
+                self.estimate = EstimateView()
                 StudyView(self.studies, self.desk, lambda: self.draft.scenario, self._offer)
             with ui.element("div").classes("middle"):
                 self.stage = Stage(self.runs.folder, self._offer, self._go_on)
@@ -305,6 +307,7 @@ class Page:
         self.desk.settings = entered.settings
         self.form.follow(entered.going.scenario if entered.going else None)
         self._update_buttons()
+        self.estimate.show(entered.scenario)
         if entered.scenario is None:
             self.stage.plan.fade()
 

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from secrets import token_hex
 
-from nicegui import app, ui
+from nicegui import app, run, ui
 
 from orchard.app.desks import Desks
 from orchard.app.harvest_run import Harvests
@@ -50,6 +50,8 @@ def serve(host: str, port: int, folder: Path, shows: bool) -> None:
             ui.navigate.history.replace("/")
             shown.open_link(*draft_of(query))
 
+    # A fork of a process with threads may find a lock that nobody opens any more.
+    run.process_pool_start_method = "spawn"
     secret = token_hex()
     guard(app, host, secret)
     app.on_shutdown(runs.close)

@@ -1,0 +1,56 @@
+"""The estimate beside the form: it follows what is entered, and gets surer harvest by harvest."""
+
+import pytest
+
+from orchard.app.estimate import MOST_HARVESTS, FastHarvest, FleetEstimate, harvest
+from orchard.field.scenario import Scenario
+
+EVEN = Scenario(rows=3, carriers=1)
+SPREAD = Scenario(
+    rows=3, carriers=2, picking_speed=0.2, picking={"spread": {"distribution": "gamma"}}
+)
+
+
+def test_the_first_harvest_gives_a_first_answer():
+    estimate = FleetEstimate(EVEN)
+    assert estimate.words() == "With 1 carrier: the first harvest is computed."
+    estimate.samples.append(harvest(EVEN, 0))
+    assert "one harvest; more are computed" in estimate.words()
+    assert not estimate.is_done
+    assert harvest(EVEN, 0) == estimate.samples[0], "it is repeatable"
+
+
+def test_harvests_that_are_nearly_the_same_need_few():
+    estimate = FleetEstimate(EVEN, [FastHarvest(9.0, 100.0)] * 3)
+    assert not estimate.is_done
+    estimate.samples.append(FastHarvest(9.01, 100.0))
+    assert estimate.is_done and 0.0 < estimate.unsure < 0.005
+
+
+def test_what_is_unsure_shrinks_with_each_harvest():
+    estimate = FleetEstimate(SPREAD)
+    seen = []
+    for number in range(12):
+        estimate.samples.append(harvest(SPREAD, number))
+        seen.append(estimate.unsure)
+    assert seen[0] == 1.0, "one harvest tells nothing of the spread"
+    assert seen[11] < seen[3] < 1.0
+    assert "12 harvests, 95% sure of the mean" in estimate.words()
+    assert not estimate.is_done
+
+
+def test_an_estimate_comes_to_an_end():
+    estimate = FleetEstimate(
+        SPREAD, [FastHarvest(9.0 + number % 2, 100.0) for number in range(MOST_HARVESTS)]
+    )
+    assert estimate.is_done
+
+
+@pytest.mark.parametrize(
+    "changes", [{"sensors": {"gnss": {"white": 0.01}}}, {"agents": {"picker": "no.such.Picker"}}]
+)
+def test_what_the_fast_model_does_not_know_is_said(changes):
+    scenario = Scenario(rows=3, **changes)
+    estimate = FleetEstimate(scenario, [harvest(scenario, 0)])
+    assert estimate.is_done
+    assert "no estimate, because " in estimate.words()

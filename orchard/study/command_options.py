@@ -234,14 +234,23 @@ Policy = Annotated[
 ]
 
 
+SPLIT = "Only the orchards for learning, or those for the test. Default: both."
+SECRET = "Draw a hidden split by the secret in this file, and use that."
+VERIFY = "Replay the decisions of a submission, in place of a benchmark."
+
+
+def _split(text: str) -> str:
+    if text not in ("train", "test"):
+        raise BadParameter(f"{text}: expected train or test")
+    return text
+
+
 @dataclass(frozen=True, kw_only=True)
 class BenchmarkOptions:
     """The options of `benchmark`."""
 
     policy: Policy = ROLLING
-    orchard: list[str] | None = option(
-        QUESTION, "Only this orchard of the twenty (repeatable).", "NAME"
-    )
+    orchard: list[str] | None = option(QUESTION, "Only this orchard (repeatable).", "NAME")
     check: bool = flag(
         RUNS,
         "--check",
@@ -251,4 +260,10 @@ class BenchmarkOptions:
     workers: int | None = option(RUNS, "Processes. Default: one per core.", "N", parser=_workers)
     out: Path | None = option(RUNS, KEPT, "STORE", parser=_store)
     anew: bool = flag(RUNS, "--anew", "Forget the runs of a store of another version.")
+    split: str | None = option(QUESTION, SPLIT, "train|test", parser=_split)
+    secret: Path | None = option(QUESTION, SECRET, "FILE")
+    verify: Path | None = option(QUESTION, VERIFY, "FILE.json")
     summary: Path | None = option(FILES, "Write all figures to this file.", "FILE.json")
+    submission: Path | None = option(
+        FILES, "Write the scores with all decisions to this file.", "FILE.json"
+    )

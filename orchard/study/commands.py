@@ -17,7 +17,7 @@ def study(chosen: StudyArguments) -> None:
 
 @with_options(BenchmarkOptions)
 def benchmark(chosen: BenchmarkOptions) -> None:
-    """Score a dispatch policy in twenty fixed orchards, beside the built-in ones:
+    """Score a dispatch policy in fixed orchards, beside the built-in ones:
     docs/benchmark.md.
     """
     with needs_extra("A benchmark", "study,optimum", ", or in a clone: make study"):

@@ -114,6 +114,6 @@ COMMANDS = {
     "benchmark": CommandEntry(
         "orchard.study.commands",
         "benchmark",
-        "score a dispatch policy in twenty orchards, beside the built-in ones",
+        "score a dispatch policy in fixed orchards, beside the built-in ones",
     ),
 }

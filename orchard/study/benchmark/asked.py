@@ -85,6 +85,8 @@ class PolicyProcess:
         self._limits = limits
         self._process: subprocess.Popen[bytes] | None = None
         self._tick = 0
+        # What the class of the policy says, once it has begun.
+        self.version = ""
 
     def __enter__(self) -> "PolicyProcess":
         return self
@@ -115,6 +117,7 @@ class PolicyProcess:
             raise PolicyRefused(printable(answer.text, 1000))
         if not isinstance(answer, Ready):
             raise self._fault("it gave no answer of a policy when it began")
+        self.version = printable(answer.version)
         return answer.is_early
 
     def orders(
@@ -144,7 +147,12 @@ class PolicyProcess:
             return
         with suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.communicate()
+        self._process.wait()
+        # A process that it has left may still have the other ends of its pipes.
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                with suppress(BrokenPipeError):
+                    pipe.close()
         self._process = None
 
     def _start(self) -> None:

@@ -2,23 +2,31 @@
 built-in ones.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
+from pathlib import Path
 from statistics import fmean
+from tempfile import TemporaryDirectory
 
+import msgspec
 from rich.table import Table
 from typer import BadParameter
 
 from orchard.discrete.harvest import get_ready
 from orchard.field.problems import ScenarioError
-from orchard.field.scenario import Scenario
+from orchard.field.scenario import NEAREST
 from orchard.report.summary import SUMMARY, why_unwritten
-from orchard.study.benchmark.scores import Benchmark, BenchmarkResult, orchards
+from orchard.study.benchmark.bounds import hidden_instances, secret_of
+from orchard.study.benchmark.families import commitment
+from orchard.study.benchmark.instances import Instance, instances
+from orchard.study.benchmark.scores import Benchmark, BenchmarkResult
+from orchard.study.benchmark.submission import Submission, problems_of, read_submission
 from orchard.study.command_options import BenchmarkOptions
 from orchard.study.options import StudyOptions
 from orchard.study.store import Store, StoreError
 from orchard.study.study_command import STOPPED, failures, tell_if_lost
-from orchard.study.workers import processes
+from orchard.study.workers import Workers, processes
 from orchard.terminal.exits import FAILED, FINISHED, as_typed, exit_on_errors
 from orchard.terminal.files import check_writable, one_file
 from orchard.terminal.output import (
@@ -31,40 +39,93 @@ from orchard.terminal.output import (
 )
 from orchard.terminal.signals import stoppable
 
-MEANING = "What is proven of the shortest harvest, as a share of the time that it took, %."
-CHECKED = "The harvests with {policy}, s; of three seeds the mean."
+MEANING = (
+    "What is proven of the shortest harvest, as a share of the time that it took, %. Differences to"
+    " {policy} are paired, by seeds."
+)
+CHECKED = "The harvests with {policy}, s; of several seeds the mean."
 
 
 def run_benchmark(chosen: BenchmarkOptions) -> int:
-    """Do a benchmark, print and write what came out.
+    """Do a benchmark, print and write what came out; or verify a submission.
 
-    Return the exit code: 1 if harvests fail, a file cannot be written, or it was stopped.
+    Return the exit code: 1 if harvests fail, a file cannot be written, it was stopped, or a
+    submission is wrong.
     """
     with (
         own_classes_run(),
-        exit_on_errors(ScenarioError, StoreError, OSError),
+        exit_on_errors(ScenarioError, StoreError, OSError, SubmissionError),
         failures(),
     ):
-        known = _known(chosen.orchard or [])
-        if chosen.summary is not None:
-            if same := [*one_file([StudyOptions(store=chosen.out).store_file, chosen.summary])]:
-                raise ScenarioError(same)
-            check_writable(chosen.summary, kind=SUMMARY)
-        result = _result(chosen, known)
-        if result is None:
+        _check_options(chosen)
+        with _wanted_store(chosen) as store_file, processes(chosen.workers) as workers:
+            known = _known(chosen, workers)
+            if chosen.verify is not None:
+                return _verify(chosen.verify, known)
+            done = _done(chosen, known, store_file, workers)
+        if done is None:
             print_error(STOPPED)
             return FAILED
+        result, submission = done
         _print(result)
     troubles = [*result.notes, *filter(None, [why_unwritten(chosen.summary, asdict(result))])]
+    if submission is not None:
+        content = msgspec.to_builtins(submission)
+        troubles += filter(None, [why_unwritten(chosen.submission, content)])
     for trouble in troubles:
         print_error(trouble)
     is_told = tell_if_lost()
     return FAILED if troubles or not is_told else FINISHED
 
 
-def _known(names: Sequence[str]) -> dict[str, Scenario]:
-    """The orchards with these names, or all."""
-    known = orchards()
+class SubmissionError(ValueError):
+    """Raised for a submission or a secret that cannot be used: the text names the file."""
+
+
+def _check_options(chosen: BenchmarkOptions) -> None:
+    """Refuse options that contradict each other. Raises BadParameter or ScenarioError."""
+    if chosen.submission is not None and chosen.check:
+        text = "a policy is trusted in the simulator; leave out --check"
+        raise BadParameter(text, param_hint="--submission")
+    if chosen.submission is not None and chosen.policy == NEAREST:
+        text = f"with {NEAREST} bins call carriers themselves: there are no decisions to record"
+        raise BadParameter(text, param_hint="--submission")
+    if chosen.secret is not None and chosen.split is not None:
+        text = "the secret draws a split of its own; leave out --split"
+        raise BadParameter(text, param_hint="--secret")
+    outputs = [path for path in (chosen.summary, chosen.submission) if path is not None]
+    if outputs:
+        store_file = StudyOptions(store=chosen.out).store_file
+        if same := [*one_file([store_file, *outputs])]:
+            raise ScenarioError(same)
+    for path in outputs:
+        check_writable(path, kind=SUMMARY)
+
+
+@contextmanager
+def _wanted_store(chosen: BenchmarkOptions) -> Iterator[Path]:
+    """Yield the file of the store. What a secret draws is kept in none that stays."""
+    if chosen.secret is None:
+        yield StudyOptions(store=chosen.out).store_file
+        return
+    with TemporaryDirectory() as folder:
+        yield Path(folder) / "studies.db"
+
+
+def _known(chosen: BenchmarkOptions, workers: Workers) -> dict[str, Instance]:
+    """Return the instances that are wanted. Raises BadParameter or SubmissionError."""
+    if chosen.secret is None:
+        known = instances()
+    else:
+        try:
+            secret = secret_of(chosen.secret)
+        except ValueError as error:
+            raise SubmissionError(str(error)) from None
+        print_line(f"The SHA-256 of this secret is {commitment(secret)}.")
+        known = hidden_instances(secret, workers)
+    if chosen.split is not None:
+        known = {name: one for name, one in known.items() if one.split == chosen.split}
+    names = chosen.orchard or []
     if unknown := [name for name in names if name not in known]:
         raise BadParameter(
             f"{unknown[0]}: no such orchard; there are {', '.join(known)}", param_hint="--orchard"
@@ -72,11 +133,31 @@ def _known(names: Sequence[str]) -> dict[str, Scenario]:
     return {name: one for name, one in known.items() if not names or name in names}
 
 
-def _result(chosen: BenchmarkOptions, known: dict[str, Scenario]) -> BenchmarkResult | None:
-    get_ready(known.values())
+def _verify(path: Path, known: dict[str, Instance]) -> int:
+    """Replay a submission, and tell what is wrong with it. Return the exit code."""
+    try:
+        submission = read_submission(path)
+    except ValueError as error:
+        raise SubmissionError(str(error)) from None
+    problems = problems_of(submission, known)
+    for problem in problems:
+        print_error(f"{path}: {problem}")
+    if problems:
+        return FAILED
+    print_line(
+        f"{path}: {submission.policy} has {_percent(submission.score)} %:"
+        f" {len(submission.harvests)} harvests were replayed, and each takes as long as it says."
+    )
+    return FINISHED
+
+
+def _done(
+    chosen: BenchmarkOptions, known: dict[str, Instance], store_file: Path, workers: Workers
+) -> tuple[BenchmarkResult, Submission | None] | None:
+    """Do the harvests. Return None if they were stopped."""
+    get_ready(instance.whole_scenario for instance in known.values())
     with (
-        Store(StudyOptions(store=chosen.out).store_file, chosen.anew) as store,
-        processes(chosen.workers) as workers,
+        Store(store_file, chosen.anew) as store,
         stoppable() as is_stopped,
         bar() as shown,
     ):
@@ -95,7 +176,10 @@ def _result(chosen: BenchmarkOptions, known: dict[str, Scenario]) -> BenchmarkRe
                 tell=show,
                 is_stopped=is_stopped,
             )
-        return asked.run()
+        result = asked.run()
+        if result is None:
+            return None
+        return result, asked.submission() if chosen.submission is not None else None
 
 
 def _print(result: BenchmarkResult) -> None:
@@ -126,13 +210,18 @@ def _print(result: BenchmarkResult) -> None:
 
 def _scores(result: BenchmarkResult) -> Table:
     names = [policy.rpartition(".")[2].replace("-", "\n") for policy in result.scores]
-    shown = table(MEANING, "orchard", "proven,\ns", *names)
+    shown = table(MEANING.format(policy=result.policy), "orchard", "proven,\ns", *names)
     found = {(one.orchard, one.policy): one for one in result.harvests}
     for one in result.of(result.policy):
         scores = [_percent(found[one.orchard, policy].score) for policy in result.scores]
         shown.add_row(one.orchard, f"{fmean(one.proven):.1f}", *scores)
     shown.add_section()
     shown.add_row("score", "", *map(_percent, result.scores.values()), style="bold")
+    asked = result.scores[result.policy]
+    differences = [f"{100.0 * (score - asked):+.1f}" for score in result.scores.values()]
+    shown.add_row("difference", "", *differences)
+    errors = [f"{100.0 * result.standard_error(policy):.2f}" for policy in result.scores]
+    shown.add_row("standard error", "", *errors)
     return shown
 
 

@@ -51,6 +51,8 @@ class Ready(msgspec.Struct, tag=True, frozen=True):
 
     #: Whether bins report to it before they are full.
     is_early: bool
+    #: What its class says in `version`; '' if it says nothing.
+    version: str
 
 
 class Orders(msgspec.Struct, tag=True, frozen=True):

@@ -56,6 +56,8 @@ class OwnHarvests:
         self._policy = policy
         self._limits = limits
         self._count = count
+        # Of the policy, as its class says it.
+        self.version = ""
 
     def do(
         self,
@@ -91,6 +93,7 @@ class OwnHarvests:
                     return
                 try:
                     batch.results[number] = _played(process, batch.harvests[number])
+                    self.version = process.version
                 except (PolicyFault, PolicyRefused) as fault:
                     batch.fail(number, str(fault))
 

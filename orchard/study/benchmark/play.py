@@ -8,8 +8,11 @@ from dataclasses import dataclass, field
 from orchard.dispatch.policy import Assignment, BinReport, CarrierReport
 from orchard.event_model import columns as c
 from orchard.event_model.harvest import EventHarvest
+from orchard.event_model.policies import AskedPolicy
 from orchard.event_model.results import JAM, LONGEST
 from orchard.field.layout import Layout
+from orchard.field.scenario import with_changes
+from orchard.study.benchmark.seen import layout_seen, nothing_drawn
 
 # Returns the orders at a tick.
 Decide = Callable[[int, Sequence[BinReport], Sequence[CarrierReport]], list[Assignment]]
@@ -21,6 +24,8 @@ class GivenOrders:
 
     tick: int
     orders: list[Assignment]
+    #: Bin -> its picker.
+    pickers: dict[str, str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +34,8 @@ class Played:
 
     #: None: it was never finished.
     seconds: float | None
+    #: Whether bins reported before they were full.
+    is_early: bool = False
     #: Those in which a carrier was sent.
     decisions: list[GivenOrders] = field(default_factory=list)
 
@@ -49,7 +56,14 @@ def play(layout: Layout, is_early: bool, decide: Decide) -> Played:
         until = min(longest, until + JAM)
         reason = _carry_on(harvest, until, decide, decisions)
     seconds = harvest.seconds if harvest.is_over else None
-    return Played(seconds=seconds, decisions=decisions)
+    return Played(seconds=seconds, is_early=is_early, decisions=decisions)
+
+
+def built_in_harvest(layout: Layout, policy: str) -> Played:
+    """Do a harvest with a built-in policy that is asked in Python: it sees what others see."""
+    seen = layout_seen(with_changes(nothing_drawn(layout.scenario), dispatch=policy))
+    asked = AskedPolicy(seen)
+    return play(layout, asked.is_early, asked.orders)
 
 
 def _carry_on(
@@ -63,5 +77,6 @@ def _carry_on(
         question = harvest.decision
         orders = decide(question.now, question.bins, question.carriers)
         if orders:
-            decisions.append(GivenOrders(question.now, orders))
+            pickers = {report.name: report.picker for report in question.bins}
+            decisions.append(GivenOrders(question.now, orders, pickers))
         harvest.decide(question, orders)

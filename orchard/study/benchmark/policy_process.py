@@ -33,6 +33,8 @@ from orchard.study.benchmark.seen import layout_seen
 
 # Exit code of a harvest's process that was told to end.
 TOLD_TO_END = 77
+# Characters of the version of a policy.
+LONGEST_VERSION = 100
 # Of Linux: prctl, and the size of what capset takes.
 _DIE_WITH_PARENT = 1
 _SIGKILL = 9
@@ -86,7 +88,8 @@ def _harvest(scenario: Scenario, questions: BinaryIO, answers: BinaryIO) -> None
     except ScenarioError as error:
         answers.write(framed(Fault("\n".join(problem.text for problem in error.problems))))
         return
-    answers.write(framed(Ready(policy.is_early)))
+    version = str(getattr(policy.policy, "version", ""))[:LONGEST_VERSION]
+    answers.write(framed(Ready(policy.is_early, version)))
     while isinstance(question := next_question(questions), Ask):
         try:
             orders = policy.orders(question.now, question.bins, question.carriers)

@@ -1,5 +1,5 @@
-"""A benchmark of dispatch policies: how near are their harvests of twenty fixed orchards to the
-shortest ones that are possible?
+"""A benchmark of dispatch policies: how near are their harvests of fixed orchards to the shortest
+ones that are possible?
 
 The score of a harvest is what is proven of the shortest one, as a share of the time that it took:
 no policy has more than 1. A harvest that is never finished has 0, and so has one for which a policy
@@ -12,16 +12,16 @@ built-in ones run as in a study: they know no more.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
-from importlib.resources import files
-from math import inf
-from statistics import fmean
+from math import inf, sqrt
+from statistics import fmean, variance
 
-from orchard.field.scenario import DISPATCH_POLICIES, Scenario, check, with_changes
-from orchard.field.yaml_file import values_of
-from orchard.optimum import schedule as _schedule  # noqa: F401  # the workers need its extra: without it, this is told before they start
+from orchard.field.layout import lay_out
+from orchard.field.scenario import DISPATCH_POLICIES, with_changes
 from orchard.study.benchmark.asked import Limits
+from orchard.study.benchmark.instances import Instance
 from orchard.study.benchmark.own_harvests import OwnHarvest, OwnHarvests, OwnResult, check_policy
+from orchard.study.benchmark.play import built_in_harvest
+from orchard.study.benchmark.submission import Submission, submission_of
 from orchard.study.replications import Replications
 from orchard.study.result import Model
 from orchard.study.runs import RunFailed, software
@@ -29,20 +29,8 @@ from orchard.study.settings import Setting
 from orchard.study.store import Store
 from orchard.study.workers import Workers
 
-ORCHARDS = "benchmark.yaml"
-SEEDS = 3  # of each orchard in which something is random
 ROUNDING = 1e-6  # s
 USUAL_LIMITS = Limits()
-
-
-def orchards() -> dict[str, Scenario]:
-    """Return the orchards by name, in their order."""
-    text = files("orchard.study.benchmark").joinpath(ORCHARDS).read_text("utf-8")
-    values, _, _ = values_of(text, ORCHARDS)
-    return {
-        name: check(values["all"] | one, f"{ORCHARDS}: {name}")
-        for name, one in values["orchards"].items()
-    }
 
 
 class ShorterThanProven(RunFailed):
@@ -74,10 +62,13 @@ class Harvests:
     @property
     def score(self) -> float:
         """The share that the proven time is of a harvest's, 0 to 1, mean."""
-        return fmean(
-            proven / seconds if seconds else 0.0
-            for proven, seconds in zip(self.proven, self.seconds, strict=True)
-        )
+        return fmean(self.shares)
+
+    @property
+    def shares(self) -> list[float]:
+        """The same of each harvest, by seed."""
+        pairs = zip(self.proven, self.seconds, strict=True)
+        return [proven / seconds if seconds else 0.0 for proven, seconds in pairs]
 
     @property
     def difference(self) -> float | None:
@@ -105,6 +96,26 @@ class BenchmarkResult:
     def of(self, policy: str) -> list[Harvests]:
         return [one for one in self.harvests if one.policy == policy]
 
+    def standard_error(self, policy: str) -> float:
+        """Return the standard error of the difference between the scores of a policy and of the one
+        that was asked about, as a share.
+
+        Both have the same seeds. So it is that of the mean of paired differences, by seeds.
+        """
+        pairs = zip(self.of(policy), self.of(self.policy), strict=True)
+        variances = [_variance_of_difference(harvests, asked) for harvests, asked in pairs]
+        return sqrt(sum(variances)) / len(variances)
+
+
+def _variance_of_difference(harvests: Harvests, others: Harvests) -> float:
+    """Return the variance of the mean difference of the scores of two policies in an orchard."""
+    pairs = zip(harvests.shares, others.shares, strict=True)
+    differences = [share - other for share, other in pairs]
+    if len(differences) == 1:
+        # Nothing is random there.
+        return 0.0
+    return variance(differences) / len(differences)
+
 
 class Benchmark:
     """A benchmark that runs: the harvests of one policy and of all built-in ones by the fast model,
@@ -114,7 +125,7 @@ class Benchmark:
     def __init__(
         self,
         policy: str,
-        known: Mapping[str, Scenario],
+        known: Mapping[str, Instance],
         store: Store,
         workers: Workers,
         *,
@@ -129,7 +140,8 @@ class Benchmark:
         Raises ScenarioError for a policy that cannot be used.
         """
         self.policy = policy
-        self.known = known
+        self.instances = known
+        self.known = {name: instance.whole_scenario for name, instance in known.items()}
         self.workers = workers
         self.tell = tell
         self.is_stopped = is_stopped
@@ -137,23 +149,16 @@ class Benchmark:
         policies = dict.fromkeys([policy, *DISPATCH_POLICIES])
         self.cells = [(name, of_cell) for of_cell in policies for name in known]
         self.settings = [
-            Setting({}, with_changes(known[name], dispatch=of_cell)) for name, of_cell in self.cells
+            Setting({}, with_changes(self.known[name], dispatch=of_cell))
+            for name, of_cell in self.cells
         ]
         # The settings of `policy` come first.
         self.own = range(len(known))
         if self.is_own:
-            check_policy(policy, next(iter(known.values())), limits)
+            check_policy(policy, next(iter(self.known.values())), limits)
         self.own_harvests = OwnHarvests(policy, limits, workers.count)
         self.own_results = dict[str, list[OwnResult]]()
         self.checked = self.own if is_checked else ()
-        # Name of an orchard -> the setting that gives its bound: it is the same with each policy.
-        self.bounds = {
-            name: self.cells.index((name, scenario.dispatch)) for name, scenario in known.items()
-        }
-        # Where work is drawn, each seed has a bound of its own.
-        self.drawn = [
-            self.bounds[name] for name, scenario in known.items() if scenario.work_is_drawn
-        ]
         self.wanted = self._count_runs()
         self.runs = Replications(
             self.settings, "harvest_seconds", "harvest", store, workers, self._hear, is_stopped
@@ -162,13 +167,23 @@ class Benchmark:
     def _seeds(self, number: int) -> int:
         """Return with how many seeds a setting is harvested: one if nothing is random."""
         orchard, _ = self.cells[number]
-        return SEEDS if Setting({}, self.known[orchard]).is_random else 1
+        return len(self.instances[orchard].draws)
 
     def _count_runs(self) -> int:
-        """Return how many runs and bounds there are in all, but those of a policy of one's own."""
-        built_in = range(len(self.known) if self.is_own else 0, len(self.settings))
-        bounds = len(self.known) + (SEEDS - 1) * len(self.drawn)
-        return bounds + sum(map(self._seeds, [*built_in, *self.checked]))
+        """Return how many runs there are in all, but those of a policy of one's own."""
+        return sum(map(self._seeds, [*self.built_in, *self.checked]))
+
+    def _by_seeds(self) -> dict[int, list[int]]:
+        """Return the settings with built-in policies by their number of seeds."""
+        settings = dict[int, list[int]]()
+        for number in self.built_in:
+            settings.setdefault(self._seeds(number), []).append(number)
+        return settings
+
+    @property
+    def built_in(self) -> range:
+        """The settings with built-in policies."""
+        return range(len(self.known) if self.is_own else 0, len(self.settings))
 
     def run(self) -> BenchmarkResult | None:
         """Do what the store does not know, and return all; None if it was stopped.
@@ -178,11 +193,11 @@ class Benchmark:
         """
         if self.is_own and not self._ask_own():
             return None
-        do = partial(self.runs.do, until=inf)
-        built_in = range(len(self.known) if self.is_own else 0, len(self.settings))
-        is_known = do(built_in, "fast", SEEDS) and do(self.bounds.values(), "proven", 1)
-        is_known = is_known and do(self.drawn, "proven", SEEDS)
-        return self._result() if is_known and self._check() else None
+        is_done = all(
+            self.runs.do(settings, "fast", count, until=inf)
+            for count, settings in self._by_seeds().items()
+        )
+        return self._result() if is_done and self._check() else None
 
     def _ask_own(self) -> bool:
         """Do the harvests of a policy of one's own. Return whether all are done."""
@@ -197,6 +212,20 @@ class Benchmark:
         for harvest, result in zip(harvests, results, strict=True):
             self.own_results.setdefault(harvest.orchard, []).append(result)
         return True
+
+    def submission(self) -> Submission:
+        """Return the submission of the policy, once all harvests are done."""
+        played = {}
+        version = software()
+        if self.is_own:
+            version = self.own_harvests.version
+            for name, results in self.own_results.items():
+                played[name] = [result.played for result in results]
+        else:
+            for name, instance in self.instances.items():
+                layouts = [lay_out(instance.of_seed(draw.seed)) for draw in instance.draws]
+                played[name] = [built_in_harvest(layout, self.policy) for layout in layouts]
+        return submission_of(self.policy, version, self.instances, played)
 
     def _check(self) -> bool:
         """Do the harvests of the policy by the simulator, if wanted. Return whether all are."""
@@ -239,11 +268,11 @@ class Benchmark:
             self._seconds(i, "fast"),
             self._seconds(i, "full") if i in self.checked else [],
         )
-        proven = [record.sim_seconds for record in self.runs.known(self.bounds[orchard], "proven")]
+        proven = [draw.proven_seconds for draw in self.instances[orchard].draws]
         return Harvests(
             orchard=orchard,
             policy=policy,
-            proven=(proven * len(seconds))[: len(seconds)],
+            proven=proven,
             seconds=seconds,
             checked=checked,
         )

@@ -12,16 +12,17 @@ from command_line import orchard
 
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
-from orchard.field.scenario import DISPATCH_POLICIES, with_changes
+from orchard.field.scenario import DISPATCH_POLICIES, Scenario, with_changes
 from orchard.study.benchmark import command as benchmark_command
-from orchard.study.benchmark.scores import ORCHARDS, Benchmark, BenchmarkResult, Harvests, orchards
+from orchard.study.benchmark.instances import instances
+from orchard.study.benchmark.scores import Benchmark, BenchmarkResult, Harvests
 from orchard.study.command_options import BenchmarkOptions
 from orchard.study.store import Store
 from orchard.study.study_command import LOST
-from orchard.study.workers import Workers
+from orchard.study.workers import Workers, processes
 from orchard.terminal.output import console
 
-SMALL = ("--orchard", "small-fast", "--orchard", "small-slow", "--workers", "1")
+SMALL = ("--orchard", "small-fast-test", "--orchard", "small-slow-test", "--workers", "1")
 POLICY = "own_policies.FarthestOfMine"
 
 
@@ -35,7 +36,7 @@ def store(tmp_path_factory):
 
 
 def carried_out(command, folder, store):
-    """Carry out a command of the document, with an orchard or two in place of twenty.
+    """Carry out a command of the document, with an orchard or two in place of all.
 
     Return what it said.
     """
@@ -44,18 +45,8 @@ def carried_out(command, folder, store):
         .replace("found.json", f"{folder}/found.json")
         .split()
     )
-    small = [] if "--orchard" in words else ["--orchard", "small-fast"]
+    small = [] if "--orchard" in words else ["--orchard", "small-fast-test"]
     return orchard(*words, *small, "--workers", "1", "--out", store).stdout
-
-
-def test_the_twenty_orchards_say_their_roads_and_row_rules():
-    """The orchards are twenty and each says its roads and its rule for rows."""
-    known = orchards()
-    assert len(known) == 20
-    wanted = {"route", "rows_to_pickers", "people", "animals", "carriers", "seed"}
-    assert all(one.model_fields_set >= wanted for one in known.values()), ORCHARDS
-    for key in ("route", "rows_to_pickers"):
-        assert len({getattr(one, key) for one in known.values()}) == 2
 
 
 def test_the_commands_of_the_document_compare_a_policy(tmp_path, store):
@@ -79,8 +70,8 @@ def test_the_commands_of_the_document_compare_a_policy(tmp_path, store):
     assert re.search(
         rf"{POLICY} has {score} % of what is proven possible; the best is {best}", said
     )
-    assert re.search(rf"^ *small-slow( +\d+\.\d){{{1 + len(found['scores'])}}}$", said, re.M)
-    known = {name: orchards()[name] for name in ("small-fast", "small-slow")}
+    assert re.search(rf"^ *small-slow-test( +\d+\.\d){{{1 + len(found['scores'])}}}$", said, re.M)
+    known = {name: instances()[name] for name in ("small-fast-test", "small-slow-test")}
     with Store(store) as opened:
         again = Benchmark(
             POLICY, known, opened, Workers(lambda: None, 1)
@@ -89,7 +80,7 @@ def test_the_commands_of_the_document_compare_a_policy(tmp_path, store):
 
     checked = carried_out(check, tmp_path, store)
     assert "of what is proven possible" in checked
-    assert re.search(r"^ *small-fast +\d+\.\d +\d+\.\d +[+-]\d\.\d$", checked, re.M)
+    assert re.search(r"^ *small-fast-test +\d+\.\d +\d+\.\d +[+-]\d\.\d$", checked, re.M)
     harvests = json.loads((tmp_path / "found.json").read_text())["harvests"]
     (own,) = [one for one in harvests if one["policy"] == POLICY]
     assert len(own["seconds"]) == len(own["checked"]) == 1
@@ -123,7 +114,11 @@ def test_the_commands_of_the_document_compare_a_policy(tmp_path, store):
             2,
             r"--summary: .*benchmark.db, .*benchmark.db: two of these are one file",
         ),
-        (("--orchard", "tiny"), 2, r"--orchard: tiny: no such orchard; there are small-fast, "),
+        (
+            ("--orchard", "tiny"),
+            2,
+            r"--orchard: tiny: no such orchard; there are all-together-test, ",
+        ),
         (
             ("own_policies.Raising", *SMALL),
             1,
@@ -132,7 +127,7 @@ def test_the_commands_of_the_document_compare_a_policy(tmp_path, store):
         (
             ("own_policies.Idle", *SMALL),
             0,
-            r"never finished, .* carrier that was not sent: 1 of small-fast, 1 of small-slow",
+            r"never finished, .* that was not sent: 1 of small-fast-test, 1 of small-slow-test",
         ),
     ],
 )
@@ -144,11 +139,14 @@ def test_what_a_user_gets_wrong_is_said_in_words(store, words, code, said):
     assert "Traceback" not in done.stderr
 
 
+NO_FILES = dict.fromkeys(("summary", "submission", "verify", "secret", "split"))
 RESULT = BenchmarkResult(
     policy="nearest",
     scores={"nearest": 0.9},
     harvests=[
-        Harvests(orchard="small-fast", policy="nearest", proven=[9.0], seconds=[10.0], checked=[])
+        Harvests(
+            orchard="small-fast-test", policy="nearest", proven=[9.0], seconds=[10.0], checked=[]
+        )
     ],
     notes=[],
     version="1",
@@ -157,26 +155,112 @@ RESULT = BenchmarkResult(
 
 def benchmark_of(monkeypatch, **options) -> int:
     """Return the exit code of the command, whose harvests gave `RESULT`."""
-    monkeypatch.setattr(benchmark_command, "_result", lambda chosen, known: RESULT)
-    chosen = BenchmarkOptions(policy="nearest", orchard=None, check=False, workers=1, **options)
+    monkeypatch.setattr(benchmark_command, "_done", lambda *chosen: (RESULT, None))
+    chosen = BenchmarkOptions(
+        policy="nearest", orchard=["small-fast-test"], check=False, workers=1, **options
+    )
     return benchmark_command.run_benchmark(chosen)
 
 
 def test_a_benchmark_whose_scores_stdout_loses_fails(monkeypatch, capsys):
     """It says so at its end, too: the warning of the first loss may be hours old."""
     monkeypatch.setattr(console, "has_lost", True)
-    assert benchmark_of(monkeypatch, out=None, anew=False, summary=None) == 1
+    assert benchmark_of(monkeypatch, out=None, anew=False, **NO_FILES) == 1
     assert capsys.readouterr().err == f"{LOST}\n"
 
 
 def test_a_benchmark_names_the_file_that_fits_on_no_disk(monkeypatch, capfd, tmp_path):
     full = Path("/dev/full")
-    assert benchmark_of(monkeypatch, out=tmp_path / "b.db", anew=False, summary=full) == 1
+    assert (
+        benchmark_of(monkeypatch, out=tmp_path / "b.db", anew=False, **NO_FILES | {"summary": full})
+        == 1
+    )
     told = capfd.readouterr()
     assert told.err == "/dev/full: not written: No space left on device\n"
     assert "90.0 % of what is proven possible" in told.out
 
 
 def test_a_carrier_that_failed_beside_its_line_leaves_it():
-    layout = lay_out(with_changes(orchards()["large-failures"], dispatch="assignment"))
+    failing = {"failure": {"mean_between": 600.0, "mean_repair": 120.0}}
+    scenario = Scenario(
+        rows=20,
+        pickers=10,
+        carriers=7,
+        picking_speed=0.5,
+        route="one-way",
+        rows_to_pickers="balanced",
+        dispatch="assignment",
+        tractor=False,
+        weeds=0,
+        carrying=failing,
+        picking={
+            "spread": {"distribution": "gamma", "cv": 0.2},
+            "failure": {"mean_between": 1200.0, "mean_repair": 120.0},
+        },
+    )
+    nobody = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}}
+    layout = lay_out(with_changes(scenario, **nobody))
     assert DiscreteHarvest(layout).run().is_over  # those behind it waited for it for ever
+
+
+def test_a_submission_is_verified_without_its_policy(store, tmp_path):
+    """It has the decisions. So nobody needs the policy, and nobody can change a figure."""
+    file = tmp_path / "mine.json"
+    small = ("--orchard", "tiny-test", "--orchard", "small-fast-test")
+    rest = ("--workers", "1", "--out", store)
+    done = orchard("benchmark", POLICY, *small, *rest, "--submission", file)
+    written = json.loads(file.read_text())
+    assert {harvest["instance"] for harvest in written["harvests"]} == {*small[1::2]}
+    score = f"{100.0 * written['score']:.1f}"
+    assert f"{POLICY} has {score} % of what is proven possible" in done.stdout
+    verified = orchard("benchmark", "--verify", file, *small, *rest)
+    assert re.search(rf"{POLICY} has {score} %: 2 harvests were replayed", verified.stdout)
+
+    first = written["harvests"][0]
+    faults = {
+        "its hash is not that of its content": {},
+        "it says 1.0 s; its orders take": {"seconds": 1.0},
+        "which is not available": {
+            "orders": [[*first["orders"][0][:2], "carrier_77", "picker_01"]]
+        },
+        "its orders never finish the harvest": {"orders": first["orders"][:1]},
+        "its bound is 1 s; expected": {"proven_seconds": 1.0},
+        "no such instance and seed": {"seed": 1},
+    }
+    for said, change in faults.items():
+        forged = written | {"harvests": [first | change, *written["harvests"][1:]]}
+        file.write_text(json.dumps(forged | {"policy": "better.Policy"}))
+        refused = orchard("benchmark", "--verify", file, *small, *rest, code=1)
+        assert said in refused.stderr
+    file.write_text(json.dumps(written))
+    missing = orchard("benchmark", "--verify", file, *small, "--orchard", "tiny-train", code=1)
+    assert re.search(r"tiny-train, seed \d+: this harvest is missing", missing.stderr)
+
+
+def test_a_builtin_policy_is_submitted_as_it_is_scored(tmp_path):
+    known = {name: instances()[name] for name in ("small-fast-test", "small-failures-test")}
+    with Store(tmp_path / "built-in.db") as opened, processes(1) as workers:
+        benchmark = Benchmark("predictive", known, opened, workers)
+        result = benchmark.run()
+    submission = benchmark.submission()
+    assert submission.score == pytest.approx(result.scores["predictive"], abs=1e-4)
+    assert submission.sha256 == submission.digest
+    assert result.standard_error("predictive") == 0.0
+    assert 0.0 < result.standard_error("nearest") < 0.05
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("nearest", "--submission", "x.json"), "with nearest bins call carriers themselves"),
+        (("--submission", "x.json", "--check"), "a policy is trusted in the simulator"),
+        (("--secret", "no.txt", "--split", "test"), "the secret draws a split of its own"),
+        (("--secret", "no.txt"), "no.txt: No such file or directory"),
+        (("--verify", "no.json"), "no.json: No such file or directory"),
+        (("--verify", "README.md"), "README.md: is no submission to the benchmark"),
+        (("--split", "hidden"), "hidden: expected train or test"),
+        (("--orchard", "tiny-test", "--split", "train"), "tiny-test: no such orchard; there are"),
+    ],
+)
+def test_options_that_cannot_be_are_refused(words, said):
+    assert said in orchard("benchmark", *words, code=2).stderr

@@ -12,8 +12,9 @@ from orchard.dispatch.policies import dispatch_of
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, with_changes
 from orchard.study.benchmark.asked import Limits, PolicyProcess, PolicyRefused, TooSlow
+from orchard.study.benchmark.instances import instances
 from orchard.study.benchmark.play import Played, play
-from orchard.study.benchmark.scores import Harvests, ShorterThanProven, orchards
+from orchard.study.benchmark.scores import Harvests, ShorterThanProven
 from orchard.study.benchmark.seen import HiddenFromPolicy, layout_seen, nothing_drawn
 
 # A busy machine reaches none of these.
@@ -133,11 +134,13 @@ def test_a_harvest_shorter_than_its_proof_is_an_error():
         Harvests(**words, proven=[9.0], seconds=[8.9])
 
 
-@pytest.mark.parametrize("name", ["large-failures", "small-batteries", "large-slow"])
+@pytest.mark.parametrize(
+    "name", ["small-failures-train", "small-batteries-test", "small-spread-train"]
+)
 @pytest.mark.parametrize("policy", ["rolling", "predictive-farthest"])
 def test_built_in_policies_know_no_more_in_process(name, policy):
     """They run in the benchmark's process for speed, with the same result."""
-    scenario = with_changes(orchards()[name], dispatch=policy)
+    scenario = with_changes(instances()[name].whole_scenario, dispatch=policy)
     with PolicyProcess(policy, PATIENT) as process:
         is_early = process.begin(scenario)
         asked = play(lay_out(scenario), is_early, process.orders)

@@ -1,0 +1,70 @@
+"""What is proven of the harvests of an orchard, seed by seed, and the hidden split."""
+
+from pathlib import Path
+
+from orchard.field.layout import lay_out
+from orchard.field.scenario import Scenario, check, with_changes
+from orchard.study.benchmark.asked import hide_memory
+from orchard.study.benchmark.families import scenarios_of
+from orchard.study.benchmark.instances import Instance, instance_of
+from orchard.study.settings import Setting
+from orchard.study.workers import Workers
+
+# Of an orchard in which something is random.
+SEEDS = 6
+# Of the solver: in an orchard with more rows than these, a search takes several times as long.
+WORK = 1.0
+WORK_IN_LARGE = 0.3
+MOST_SMALL_ROWS = 12
+# Bytes: a secret that is shorter can be guessed.
+SHORTEST_SECRET = 16
+
+
+def bounds_of(scenario: Scenario) -> dict[int, float]:
+    """Return what is proven with each seed, s."""
+    # It loads the solver, which takes half a second.
+    from orchard.optimum.schedule import optimum
+
+    proven = dict[int, float]()
+    work = WORK if scenario.rows <= MOST_SMALL_ROWS else WORK_IN_LARGE
+    rows_are_drawn = scenario.picking.spread.distribution != "none"
+    count = SEEDS if Setting({}, scenario).is_random else 1
+    for seed in range(scenario.seed, scenario.seed + count):
+        # A bound leaves failures out. So only the rows' times make one seed's another's.
+        if rows_are_drawn or not proven:
+            seeded = lay_out(with_changes(scenario, seed=seed))
+            proven[seed] = optimum(seeded, work).proven_seconds
+        else:
+            proven[seed] = proven[scenario.seed]
+    return proven
+
+
+def _bounds_in_worker(scenario: Scenario) -> dict[int, float]:
+    """Return what is proven, in a process that a policy cannot look into later."""
+    hide_memory()
+    return bounds_of(scenario)
+
+
+def secret_of(path: Path) -> bytes:
+    """Return the secret in a file. Raises ValueError for one that can be guessed, or OSError."""
+    secret = path.read_bytes().strip()
+    if len(secret) < SHORTEST_SECRET:
+        raise ValueError(
+            f"{path}: a secret of {len(secret)} bytes can be guessed; expected at least"
+            f" {SHORTEST_SECRET}, as of: openssl rand -hex 32"
+        )
+    return secret
+
+
+def hidden_instances(secret: bytes, workers: Workers) -> dict[str, Instance]:
+    """Return the hidden split that a secret draws. Its bounds are proven now, which takes long."""
+    drawn = scenarios_of("hidden", secret)
+    items = [(name, check(values, name)) for name, values in drawn.items()]
+    scenarios = [scenario for _, scenario in items]
+    proven = dict[int, dict[int, float]]()
+    for scenario, bounds in workers.do(_bounds_in_worker, scenarios, lambda: True):
+        proven[scenario.seed] = bounds
+    return {
+        name: instance_of(name, "hidden", drawn[name], proven[scenario.seed])
+        for name, scenario in items
+    }

@@ -1,0 +1,153 @@
+"""The orchards of a split, drawn from a secret.
+
+Everybody knows the secrets of the public splits. That of the hidden split is the organiser's, who
+publishes it after the last submission. The same secret gives the same orchards.
+"""
+
+import hashlib
+import hmac
+from typing import Any
+
+from orchard.study.benchmark.instances import SET, Split
+
+PUBLIC_SECRETS: dict[Split, bytes] = {
+    "train": f"orchard benchmark {SET}, train".encode(),
+    "test": f"orchard benchmark {SET}, test".encode(),
+}
+# What no family says. Numbers in a list are choices, of which the secret draws one.
+ALL: dict[str, Any] = {
+    "people": {"workers": 0, "visitors": 0},
+    "animals": {"dogs": 0, "cats": 0},
+    "tractor": False,
+    "weeds": 0,
+    "row_length": [60.0, 70.0, 80.0],
+    "rows_to_pickers": ["balanced", "balanced-ends"],
+    "route": "two-way",
+}
+_GUESTS = {
+    "people": {"workers": [2, 4, 6], "visitors": [2, 3]},
+    "animals": {"dogs": [1, 2], "cats": 1},
+    "tractor": True,
+}
+_BREAKDOWNS = {"failure": {"mean_between": [600.0, 900.0, 1200.0], "mean_repair": [60.0, 120.0]}}
+FAMILIES: dict[str, dict[str, Any]] = {
+    "tiny": {"rows": 3, "pickers": 3, "carriers": 2, "picking_speed": [0.09, 0.1, 0.12]},
+    "small-fast": {"rows": [8, 10, 12], "pickers": 5, "carriers": [3, 4], "picking_speed": 1.0},
+    "small-one-way": {
+        "rows": [10, 12],
+        "pickers": 5,
+        "carriers": [3, 4],
+        "picking_speed": [0.6, 0.8, 1.0],
+        "route": "one-way",
+    },
+    "small-slow": {"rows": 10, "pickers": 5, "carriers": 2, "picking_speed": [0.03, 0.05]},
+    "small-people": {"rows": [8, 10], "pickers": 5, "carriers": [3, 4], "picking_speed": 0.5}
+    | _GUESTS,
+    "small-failures": {
+        "rows": 10,
+        "pickers": 5,
+        "carriers": [3, 4],
+        "picking_speed": [0.2, 0.3],
+        "carrying": _BREAKDOWNS,
+    },
+    "small-spread": {
+        "rows": [10, 12],
+        "pickers": 4,
+        "carriers": [2, 3],
+        "picking_speed": [0.1, 0.2],
+        "picking": {"spread": {"distribution": ["lognormal", "gamma"], "cv": [0.2, 0.3]}},
+    },
+    "small-batteries": {
+        "rows": [10, 12],
+        "pickers": 5,
+        "carriers": 3,
+        "picking_speed": [0.2, 0.3],
+        "carrying": {"battery": {"hours": [0.3, 0.4], "hours_to_charge": 0.1, "reserve": 0.5}},
+        "chargers": [1, 2],
+    },
+    "small-bins": {
+        "rows": 8,
+        "pickers": 4,
+        "carriers": [3, 4],
+        "metres_per_bin": [20.0, 30.0],
+        "picking_speed": [0.3, 0.5],
+    },
+    "swift-carriers": {
+        "rows": 12,
+        "pickers": 6,
+        "carriers": [3, 4],
+        "picking_speed": [0.5, 1.0],
+        "carrying": {"speed": [1.5, 2.0]},
+        "picking": {"driving_speed": [1.2, 1.5]},
+    },
+    "slow-handling": {
+        "rows": 12,
+        "pickers": 6,
+        "carriers": [4, 5],
+        "picking_speed": [0.5, 1.0],
+        "handling": {"coupling": [5.0, 10.0], "uncoupling": 5.0, "unloading": [20.0, 30.0]},
+    },
+    "wide-rows": {
+        "rows": 12,
+        "pickers": 6,
+        "carriers": [3, 4, 5],
+        "picking_speed": [0.5, 1.0],
+        "row_width": [4.5, 5.0],
+    },
+    "large-fast": {"rows": 20, "pickers": 10, "carriers": [7, 8], "picking_speed": [0.8, 1.0]},
+    "large-slow": {
+        "rows": 20,
+        "pickers": 10,
+        "carriers": 3,
+        "picking_speed": [0.03, 0.04],
+        "picking": {"spread": {"distribution": "lognormal", "cv": 0.2}},
+    },
+    "large-people": {"rows": 20, "pickers": 10, "carriers": [6, 7], "picking_speed": [0.3, 0.5]}
+    | _GUESTS,
+    "all-together": {
+        "rows": 16,
+        "pickers": 8,
+        "carriers": [5, 6],
+        "metres_per_bin": [35.0, 40.0],
+        "picking_speed": [0.2, 0.3],
+        "picking": {"spread": {"distribution": "gamma", "cv": 0.3}},
+        "carrying": _BREAKDOWNS
+        | {"battery": {"hours": 0.6, "hours_to_charge": 0.2, "reserve": 0.4}},
+        "chargers": 2,
+    }
+    | _GUESTS,
+}
+
+
+def scenarios_of(split: Split, secret: bytes) -> dict[str, dict[str, Any]]:
+    """Return the scenarios of a split by name, each with its first seed."""
+    drawn = {}
+    for family, values in FAMILIES.items():
+        name = f"{family}-{split}"
+        chosen = _chosen(ALL | values, secret, name)
+        # Of 52 bits: every reader of JSON has such whole numbers.
+        chosen["seed"] = _number(secret, f"{name}, seed") >> 12
+        drawn[name] = chosen
+    return drawn
+
+
+def commitment(secret: bytes) -> str:
+    """Return what an organiser publishes before the first submission.
+
+    It proves later that the secret was this one.
+    """
+    return hashlib.sha256(b"orchard benchmark" + secret).hexdigest()
+
+
+def _chosen(values: Any, secret: bytes, name: str) -> Any:
+    """Return values of which each list is replaced by one of its values."""
+    if isinstance(values, dict):
+        return {key: _chosen(value, secret, f"{name}.{key}") for key, value in values.items()}
+    if isinstance(values, list):
+        return values[_number(secret, name) % len(values)]
+    return values
+
+
+def _number(secret: bytes, name: str) -> int:
+    """Return a number of 64 bits."""
+    return int.from_bytes(hmac.digest(secret, name.encode(), "sha256")[:8], "big")

@@ -1,0 +1,186 @@
+"""A submission: what a policy scored, with its schedules, so that anybody can verify it without the
+policy.
+"""
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from statistics import fmean
+
+import msgspec
+
+from orchard.behaviour.dispatcher import checked
+from orchard.dispatch.policy import Assignment, BinReport, CarrierReport
+from orchard.field.layout import lay_out
+from orchard.field.scenario import Scenario
+from orchard.study.benchmark.instances import SET, Instance, RecordedOrder, recorded
+from orchard.study.benchmark.play import Played, play
+from orchard.study.runs import software
+
+# s by which times may differ, because they are rounded.
+ROUNDING = 0.051
+# Scores are shares: this is a millionth of a point.
+SCORE_ROUNDING = 1e-8
+
+
+class SubmittedHarvest(msgspec.Struct, frozen=True):
+    """A harvest of a submission."""
+
+    instance: str
+    seed: int
+    #: None: it was never finished, or a decision took too long.
+    seconds: float | None
+    proven_seconds: float
+    is_early: bool
+    orders: list[RecordedOrder]
+
+    @property
+    def score(self) -> float:
+        """The share that the proven time is of the harvest's; 0 if it was never finished."""
+        return self.proven_seconds / self.seconds if self.seconds else 0.0
+
+
+class Submission(msgspec.Struct, frozen=True):
+    """What a policy scored."""
+
+    set: str
+    policy: str
+    policy_version: str
+    software: str
+    #: 0 to 1.
+    score: float
+    #: Instance -> its score, 0 to 1.
+    scores: dict[str, float]
+    harvests: list[SubmittedHarvest]
+    #: Of all else.
+    sha256: str = ""
+
+    @property
+    def digest(self) -> str:
+        """The hash of all but the hash."""
+        bare = msgspec.structs.replace(self, sha256="")
+        return hashlib.sha256(msgspec.json.encode(bare, order="sorted")).hexdigest()
+
+
+def submission_of(
+    policy: str, version: str, known: Mapping[str, Instance], played: Mapping[str, Sequence[Played]]
+) -> Submission:
+    """Return a submission. `played`: of each instance, the harvests by seed."""
+    harvests = list[SubmittedHarvest]()
+    for name, instance in known.items():
+        for draw, harvest in zip(instance.draws, played[name], strict=True):
+            seconds = None if harvest.seconds is None else round(harvest.seconds, 1)
+            harvests.append(
+                SubmittedHarvest(
+                    instance=name,
+                    seed=draw.seed,
+                    seconds=seconds,
+                    proven_seconds=draw.proven_seconds,
+                    is_early=harvest.is_early,
+                    orders=recorded(harvest.decisions),
+                )
+            )
+    scores = scores_of(harvests)
+    submission = Submission(
+        set=SET,
+        policy=policy,
+        policy_version=version,
+        software=software(),
+        score=fmean(scores.values()),
+        scores=scores,
+        harvests=harvests,
+    )
+    return msgspec.structs.replace(submission, sha256=submission.digest)
+
+
+def scores_of(harvests: Iterable[SubmittedHarvest]) -> dict[str, float]:
+    """Return the score of each instance: the mean over its seeds."""
+    scores = dict[str, list[float]]()
+    for harvest in harvests:
+        scores.setdefault(harvest.instance, []).append(harvest.score)
+    return {instance: fmean(values) for instance, values in scores.items()}
+
+
+def read_submission(path: Path) -> Submission:
+    """Return the submission in a file. Raises OSError, or ValueError for a file that is none."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Submission)
+    except msgspec.MsgspecError as error:
+        raise ValueError(f"{path}: is no submission to the benchmark: {error}") from None
+
+
+def problems_of(submission: Submission, known: Mapping[str, Instance]) -> list[str]:
+    """Replay the schedules of a submission, and return what is wrong with it, a line each.
+
+    `known`: the instances of which it must have all harvests.
+    """
+    if submission.set != SET:
+        return [f"it is of the set {submission.set}; expected {SET}"]
+    problems = []
+    if submission.digest != submission.sha256:
+        problems.append("its hash is not that of its content: it was changed after it was written")
+    wanted = {(name, draw.seed) for name, instance in known.items() for draw in instance.draws}
+    there = [(harvest.instance, harvest.seed) for harvest in submission.harvests]
+    for instance, seed in sorted(wanted - {*there}):
+        problems.append(f"{instance}, seed {seed}: this harvest is missing")
+    for key in sorted({*there}):
+        if key not in wanted:
+            problems.append(f"{key[0]}, seed {key[1]}: no such instance and seed in this split")
+        elif there.count(key) > 1:
+            problems.append(f"{key[0]}, seed {key[1]}: it is there {there.count(key)} times")
+    for harvest in submission.harvests:
+        if (harvest.instance, harvest.seed) in wanted:
+            problems += _wrong(harvest, known[harvest.instance])
+    scores = scores_of(submission.harvests)
+    score = fmean(scores.values()) if scores else 0.0
+    if abs(score - submission.score) > SCORE_ROUNDING:
+        problems.append(
+            f"its score is {100.0 * submission.score:.3f} %; its harvests give"
+            f" {100.0 * score:.3f} %"
+        )
+    return problems
+
+
+def _wrong(harvest: SubmittedHarvest, instance: Instance) -> list[str]:
+    """Replay a harvest, and return what is wrong with it."""
+    where = f"{instance.name}, seed {harvest.seed}"
+    (proven,) = [draw.proven_seconds for draw in instance.draws if draw.seed == harvest.seed]
+    if proven != harvest.proven_seconds:
+        return [f"{where}: its bound is {harvest.proven_seconds:g} s; expected {proven:g} s"]
+    if harvest.seconds is None:
+        return []
+    try:
+        seconds = replayed(instance.of_seed(harvest.seed), harvest.is_early, harvest.orders)
+    except ValueError as error:
+        return [f"{where}: {error}"]
+    if seconds is None:
+        return [f"{where}: its orders never finish the harvest"]
+    if abs(seconds - harvest.seconds) > ROUNDING:
+        return [f"{where}: it says {harvest.seconds:.1f} s; its orders take {seconds:.1f} s"]
+    if seconds < proven - ROUNDING:
+        return [f"{where}: {seconds:.1f} s are less than the proven {proven:.1f} s"]
+    return []
+
+
+def replayed(scenario: Scenario, is_early: bool, orders: Sequence[RecordedOrder]) -> float | None:
+    """Return how long a harvest with recorded orders takes, s; None if it is never finished.
+
+    Raises ValueError for an order that cannot be.
+    """
+    given = dict[int, list[Assignment]]()
+    for order in orders:
+        given.setdefault(order.tick, []).append(Assignment(order.bin, order.carrier))
+
+    def decide(
+        now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport]
+    ) -> list[Assignment]:
+        decided = given.pop(now, [])
+        try:
+            return checked(decided, list(bins), list(carriers))
+        except ValueError as error:
+            raise ValueError(f"tick {now}: {error}") from None
+
+    seconds = play(lay_out(scenario), is_early, decide).seconds
+    if given:
+        raise ValueError(f"tick {min(given)}: nothing is decided then, and it has an order")
+    return seconds

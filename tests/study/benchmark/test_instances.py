@@ -1,0 +1,114 @@
+"""The files of the benchmark: they say what the orchards are, and their schedules hold."""
+
+import json
+from importlib.resources import files
+from pathlib import Path
+
+import msgspec
+import pytest
+import second_reader
+
+from orchard.field.layout import lay_out
+from orchard.optimum.schedule import optimum
+from orchard.study.benchmark.bounds import hidden_instances, secret_of
+from orchard.study.benchmark.families import (
+    FAMILIES,
+    PUBLIC_SECRETS,
+    commitment,
+    scenarios_of,
+)
+from orchard.study.benchmark.instances import SET, as_file, instance_of, instances
+from orchard.study.benchmark.submission import ROUNDING, replayed
+from orchard.study.settings import Setting
+from orchard.study.workers import Workers
+
+FOLDER = Path(str(files("orchard.study.benchmark"))) / SET
+KNOWN = instances()
+QUIET = [name for name in KNOWN if not Setting({}, KNOWN[name].whole_scenario).is_random]
+# Nothing but bins is in a robot's way, and robots do nothing but harvest.
+SIMPLE = [
+    name
+    for name in QUIET
+    if KNOWN[name].scenario["route"] == "two-way" and "chargers" not in KNOWN[name].scenario
+]
+
+
+def test_each_orchard_is_of_a_family_and_a_split():
+    drawn = {f"{name}-{split}" for name in FAMILIES for split in PUBLIC_SECRETS}
+    assert [*KNOWN] == sorted(KNOWN)
+    assert {*KNOWN} <= drawn
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_a_file_is_what_its_secret_draws(name):
+    """Rows, jobs and draws are those of the orchard; bounds and schedules are not made anew."""
+    instance = KNOWN[name]
+    split = instance.split
+    values = scenarios_of(split, PUBLIC_SECRETS[split])[name]
+    proven = {draw.seed: draw.proven_seconds for draw in instance.draws}
+    made = instance_of(name, split, values, proven)
+    draws = [msgspec.structs.replace(draw, best=None) for draw in instance.draws]
+    assert made == msgspec.structs.replace(instance, draws=draws)
+    assert as_file(instance) == (FOLDER / f"{name}.json").read_bytes()
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_the_best_known_schedules_take_what_they_say(name):
+    instance = KNOWN[name]
+    for draw in instance.draws:
+        best = draw.best
+        assert best.found_by
+        seconds = replayed(instance.of_seed(draw.seed), best.is_early, best.orders)
+        assert seconds == pytest.approx(best.seconds, abs=ROUNDING)
+        assert seconds >= draw.proven_seconds - ROUNDING
+
+
+@pytest.mark.parametrize("name", ["tiny-train", "tiny-test"])
+def test_a_bound_of_a_small_orchard_is_proven_again(name):
+    (draw,) = KNOWN[name].draws
+    assert draw.best.found_by == "all orders of 3 pickers"
+    found = optimum(lay_out(KNOWN[name].whole_scenario), 0.5)
+    assert found.proven_seconds == draw.proven_seconds
+
+
+@pytest.mark.parametrize("name", SIMPLE)
+def test_another_program_computes_how_long_a_schedule_takes(name):
+    """From the JSON alone, within 2 %: it knows no queue behind a carrier that waits."""
+    seconds = second_reader.seconds_of(FOLDER / f"{name}.json")
+    assert seconds == pytest.approx(KNOWN[name].draws[0].best.seconds, rel=0.02)
+
+
+def test_readers_of_json_have_all_its_numbers():
+    for name in KNOWN:
+        text = (FOLDER / f"{name}.json").read_text()
+        assert all(draw["seed"] < 2**53 for draw in json.loads(text)["draws"])
+
+
+def test_a_secret_draws_a_split_that_nobody_knows(tmp_path):
+    file = tmp_path / "secret"
+    file.write_text("0123456789abcdef0123456789abcdef\n")
+    secret = secret_of(file)
+    drawn = scenarios_of("hidden", secret)
+    assert drawn == scenarios_of("hidden", secret)
+    other = scenarios_of("hidden", b"another secret of many bytes")
+    assert all(drawn[name]["seed"] != other[name]["seed"] for name in drawn)
+    assert commitment(secret) != commitment(b"another secret of many bytes")
+    file.write_text("short")
+    with pytest.raises(ValueError, match=r"a secret of 5 bytes can be guessed; expected at least"):
+        secret_of(file)
+
+
+def test_the_hidden_split_has_bounds(monkeypatch):
+    tiny = {"tiny": FAMILIES["tiny"]}
+    monkeypatch.setattr("orchard.study.benchmark.families.FAMILIES", tiny)
+
+    class Here(Workers):
+        def __init__(self):
+            pass
+
+        def do(self, work, items, goes_on):
+            return ((item, work(item)) for item in items)
+
+    (instance,) = hidden_instances(b"0123456789abcdef", Here()).values()
+    assert instance.split == "hidden"
+    assert instance.draws[0].proven_seconds > 0.0

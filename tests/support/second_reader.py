@@ -1,0 +1,127 @@
+"""A second reader of the benchmark's instances: it imports nothing of the Orchard, and computes
+from the JSON alone how long a schedule takes.
+
+It is for two-way roads on which nobody stands in the way, and no robot fails or charges.
+"""
+
+import json
+from collections import defaultdict
+from heapq import heappop, heappush
+from pathlib import Path
+
+TICK = 0.1  # s
+# Of events at one tick.
+RELEASE, CLAIM, STOP, HOME = range(4)
+
+
+def seconds_of(file: Path, draw: int = 0) -> float:
+    """How long the best schedule of a file takes with one of its seeds, s."""
+    return Reader(json.loads(file.read_text()), draw).run() * TICK
+
+
+class Reader:
+    def __init__(self, instance: dict, draw: int):
+        self.instance = instance
+        drawn = instance["draws"][draw]
+        self.jobs = defaultdict(list)
+        for job, ready in zip(instance["jobs"], drawn["ready"], strict=True):
+            self.jobs[job["picker"]].append(job | {"ready": ready})
+        self.number = dict.fromkeys(self.jobs, 0)
+        self.heap = []
+        self.count = 0
+        self.taken = {}
+        self.end = 0
+        for picker, jobs in self.jobs.items():
+            self.come_out(picker, 0, jobs[0]["ready"])
+        sent = dict.fromkeys(self.jobs, 0)
+        for tick, _, carrier, picker in drawn["best"]["orders"]:
+            self.send(tick, carrier, picker, sent[picker])
+            sent[picker] += 1
+
+    def begin(self, zero: int, events: list) -> None:
+        """Let a robot do events at their ticks. `zero`: the tick that is 0 in them."""
+        robot = {"zero": zero, "events": sorted(events, key=lambda event: event[:2]), "next": 0}
+        self.count += 1
+        heappush(self.heap, (zero + robot["events"][0][0], self.count, robot))
+
+    def come_out(self, picker: str, number: int, tick: int) -> None:
+        job = self.jobs[picker][number]
+        self.taken[f"{picker} {number}"] = []
+        last = max(at for _, at, _ in job["crossings"])
+        events = [*uses(job["crossings"]), (last + 1, RELEASE, f"{picker} {number}")]
+        self.begin(tick, events)
+
+    def send(self, tick: int, carrier: str, picker: str, number: int) -> None:
+        job = self.jobs[picker][number]
+        exit_ = job["exits"][self.instance["carriers"][carrier]]
+        to_bay = job["to_bay"]
+        constants = self.instance["constants"]
+        at_lane = min(at for place, at, _ in job["way"] if place == job["place"])
+        # Before the picker has begun this job at all, its carrier waits too.
+        self.taken.setdefault(f"{picker} {number}", [])
+        events = [
+            *uses(exit_["uses"]),
+            *uses(job["way"]),
+            (at_lane, CLAIM - 0.5, f"{picker} {number}"),
+            (0, STOP, (picker, number)),
+            (to_bay, CLAIM, "bay"),
+            (to_bay + job["in_bay"] + constants["headway"], RELEASE, "bay"),
+            (to_bay + job["to_rest"], HOME, ""),
+        ]
+        self.begin(tick + constants["ordered"] + exit_["approach"], events)
+
+    def run(self) -> int:
+        while self.heap:
+            tick, _, robot = heappop(self.heap)
+            self.go_on(robot, tick)
+        return self.end
+
+    def go_on(self, robot: dict, tick: int) -> None:
+        while robot["next"] < len(robot["events"]):
+            at, kind, what = robot["events"][robot["next"]]
+            if robot["zero"] + at > tick:
+                self.count += 1
+                heappush(self.heap, (robot["zero"] + at, self.count, robot))
+                return
+            robot["next"] += 1
+            if kind == RELEASE:
+                self.release(what, tick)
+            elif kind == STOP:
+                self.go_on_picking(*what, tick)
+            elif kind == HOME:
+                self.end = max(self.end, tick)
+            elif what in self.taken:
+                self.taken[what].append(robot)
+                return
+            else:
+                self.taken[what] = []
+
+    def release(self, place: str, tick: int) -> None:
+        waiting = self.taken.get(place)
+        if not waiting:
+            self.taken.pop(place, None)
+            return
+        robot = waiting.pop(0)
+        robot["zero"] = tick - robot["events"][robot["next"] - 1][0]
+        self.count += 1
+        heappush(self.heap, (tick, self.count, robot))
+
+    def go_on_picking(self, picker: str, number: int, tick: int) -> None:
+        job = self.jobs[picker][number]
+        if number + 1 < len(self.jobs[picker]):
+            following = self.jobs[picker][number + 1]
+            self.come_out_later(picker, number + 1, tick + job["going_on"] + following["ready"])
+
+    def come_out_later(self, picker: str, number: int, tick: int) -> None:
+        waiting = self.taken.get(f"{picker} {number}", [])
+        self.come_out(picker, number, tick)
+        self.taken[f"{picker} {number}"] = waiting
+
+
+def uses(rows: list) -> list:
+    """What a robot claims and gives back."""
+    events = []
+    for place, at, ticks in rows:
+        events.append((at, CLAIM, place))
+        events.append((at + ticks, RELEASE, place))
+    return events

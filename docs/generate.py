@@ -2,7 +2,7 @@
 the JSON schema, and drawings.
 
 All follow from the code, those of the study from docs/study.json, docs/policies.svg from the tables
-of docs/bounds.md, and the table of docs/benchmark.md from docs/benchmark.json.
+of docs/bounds.md, and what docs/benchmark.md measures from docs/benchmark.json.
 `python -m docs.study` and `python -m docs.validation` measure anew.
 """
 
@@ -45,6 +45,7 @@ def generated() -> dict[str, str]:
         "docs/study.md": study.document(),
         "docs/study.svg": study.picture(),
         "docs/benchmark.md": benchmark.document(),
+        "docs/benchmark.svg": benchmark.picture(),
         "docs/policies.svg": policies.picture(),
         "docs/validation.md": validation.document(),
         **validation.pictures(),

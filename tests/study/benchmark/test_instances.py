@@ -65,8 +65,9 @@ def test_the_best_known_schedules_take_what_they_say(name):
 
 @pytest.mark.parametrize("name", ["tiny-train", "tiny-test"])
 def test_a_bound_of_a_small_orchard_is_proven_again(name):
+    """All orders of pickers were tried there: in one, none beats a policy."""
     (draw,) = KNOWN[name].draws
-    assert draw.best.found_by == "all orders of 3 pickers"
+    assert draw.best.found_by in ("all orders of 3 pickers", "predictive")
     found = optimum(lay_out(KNOWN[name].whole_scenario), 0.5)
     assert found.proven_seconds == draw.proven_seconds
 

@@ -117,7 +117,7 @@ def test_the_commands_of_the_document_compare_a_policy(tmp_path, store):
         (
             ("--orchard", "tiny"),
             2,
-            r"--orchard: tiny: no such orchard; there are all-together-test, ",
+            r"--orchard: tiny: no such orchard; there are .*small-fast-test, ",
         ),
         (
             ("own_policies.Raising", *SMALL),

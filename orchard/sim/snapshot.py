@@ -30,7 +30,7 @@ from msgspec import Meta
 from orchard.contract.messages import Written, pack, unpack
 from orchard.folders import half_written, regular, write_whole
 
-VERSION = 9
+VERSION = 10
 HEAD = b"orchard snapshot %d\n"
 # bytes. The snapshot of the largest orchard has a hundredth of that.
 LARGEST = 1 << 24

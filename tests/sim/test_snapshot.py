@@ -143,8 +143,8 @@ DAMAGES = [
     (lambda data: data[: len(data) // 2], "truncated or changed"),
     (lambda data: data[:-1] + bytes([data[-1] ^ 1]), "truncated or changed"),
     (
-        lambda data: data.replace(b"snapshot 9", b"snapshot 8", 1),
-        "version 8; this program reads version 9",
+        lambda data: data.replace(b"snapshot 10", b"snapshot 9", 1),
+        "version 9; this program reads version 10",
     ),
     (lambda data: b"", "not a snapshot"),
     (lambda data: b"PK" + data, "not a snapshot"),

@@ -87,7 +87,8 @@ class Reader:
             if kind == RELEASE:
                 self.release(what, tick)
             elif kind == STOP:
-                self.go_on_picking(*what, tick)
+                picker, number = what
+                self.go_on_picking(picker, number, tick)
             elif kind == HOME:
                 self.end = max(self.end, tick)
             elif what in self.taken:

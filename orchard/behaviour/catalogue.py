@@ -24,8 +24,9 @@ from orchard.field.layout import Layout
 from orchard.field.plugins import MISTAKES, load_plugin, made_of, place_of_class, unusable
 from orchard.field.problems import ScenarioError
 from orchard.field.queue import TOP_ROAD
+from orchard.plans.robot import Step
 from orchard.plans.routes import ROUTES, route_of
-from orchard.plans.steps import Plan, of_known_steps, with_steps
+from orchard.plans.steps import Haul, Plan, of_known_steps, with_steps
 
 log = logging.getLogger("orchard")
 
@@ -94,11 +95,22 @@ def _check_route(layout: Layout) -> None:
                 side = route.sides[pass_.end]
                 job = route.fetch(1, pass_.row, side, "picker_01", "bin_01")
                 of_known_steps(job, route.Steps)
+                _demand_haul(layout, job)
         route.roads()
         route.holds()
         route.distance(layout.queue.head, TOP_ROAD, 1, route.east)
     except MISTAKES as error:
         raise unusable("route", path, error, place=place_of_class(type(route))) from error
+
+
+def _demand_haul(layout: Layout, job: Collection[Step]) -> None:
+    """Raise ValueError if carriers go to a load-out, and a job of theirs does not."""
+    if not layout.scenario.load_out.is_of_carriers:
+        return
+    if not any(isinstance(step, Haul) for step in job):
+        raise ValueError(
+            "load_out has no effect: fetch returns no step Haul; put *self.haul() before Home"
+        )
 
 
 def guarded(layout: Layout, name: str, agent: Agent) -> Guard:

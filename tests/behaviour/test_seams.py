@@ -24,6 +24,7 @@ from orchard import (
 from orchard.behaviour.catalogue import check_plugins
 from orchard.contract.messages import CustomMessage
 from orchard.field.scenario import check
+from orchard.plans.steps import Haul
 from orchard.report.bounds import Bounds
 from orchard.report.plan import orchard_plan
 
@@ -184,6 +185,14 @@ class Failing(OneWay):
         raise LookupError("no road")
 
 
+class StaysHere(OneWay):
+    """Its carriers never go to the load-out."""
+
+    def fetch(self, carrier, lane, side, picker, full_bin):
+        job = super().fetch(carrier, lane, side, picker, full_bin)
+        return [step for step in job if not isinstance(step, Haul)]
+
+
 class NoSuchQueue(OneWay):
     QUEUE = "nowhere"
 
@@ -226,6 +235,10 @@ UNUSABLE = [
     ({"route": "test_seams.Nested"}, "Detour is not in `Steps`, or is within a step"),
     ({"route": "test_seams.Failing"}, r"LookupError: no road \(.*test_seams.py, line \d+"),
     ({"route": "test_seams.NoSuchQueue"}, "its QUEUE is 'nowhere'; must be one-way or two-way"),
+    (
+        {"route": "test_seams.StaysHere", "load_out": {"seconds_away": 60.0}},
+        "load_out has no effect: fetch returns no step Haul",
+    ),
     (
         {"rows_to_pickers": "test_seams.no_rows"},
         r"it returned None; .* with the keys picker_01, picker_02 \(.*test_seams.py, line \d+",

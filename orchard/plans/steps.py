@@ -778,7 +778,12 @@ class Charged(Step, frozen=True):
 
 
 class Home(Step, frozen=True):
-    """For carriers: the job is done, and the carrier can be called again."""
+    """For carriers: the job is done, and the carrier can be called again.
+
+    A carrier that is back from the load-out may be on its way up its line.
+    """
+
+    keeps_course: ClassVar[bool] = True
 
     def act(self, robot: PlanExecutor) -> bool:
         """Forget the job, and be done."""

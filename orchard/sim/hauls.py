@@ -35,3 +35,13 @@ def are_away(world: World) -> np.ndarray:
     is_in_line = is_along & (y >= area.south) & (y <= area.north) & (np.abs(yaw - EAST) <= TURNED)
     away: np.ndarray = is_in_line & (world.hauling > 0)
     return away
+
+
+def is_any_under_way(world: World) -> bool:
+    """Whether a carrier is away at the load-out, or a trailer is: it comes back by itself.
+
+    A carrier that has unloaded, and stands before its line, may stand for ever.
+    """
+    if world.layout.machines["carrier"].trailer_ticks:
+        return world.is_any_hauling
+    return world.is_any_hauling and bool(are_away(world).any())

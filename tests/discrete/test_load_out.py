@@ -20,6 +20,7 @@ from orchard.field.layout import Layout, lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, parse
 from orchard.local import Local
+from orchard.plans.steps import Charge, Haul
 from orchard.report.bounds import Bounds, lost_seconds, proven_seconds
 from orchard.study.words import orchard_words
 
@@ -371,3 +372,49 @@ def test_the_event_model_goes_on_from_the_middle_of_a_haul() -> None:
         run.tick()
     assert len(models) > 8
     assert models == pytest.approx([run.engine.world.seconds] * len(models), abs=1.0)
+
+
+@pytest.mark.parametrize("route", ["one-way", "two-way"])
+def test_a_carrier_that_is_back_on_its_way_up_its_line_is_free(route: str) -> None:
+    """The haul ends before the carrier has come to the head of its line."""
+    layout = small(load_out={"seconds_away": 2.0}, route=route)
+    assert simulated(layout) == pytest.approx(modelled(layout), rel=0.005)
+
+
+def test_a_carrier_that_gets_flat_before_its_haul_is_a_jam() -> None:
+    """It stands between bay and queue for ever: its haul makes no progress."""
+    layout = small(
+        carriers=1,
+        row_length=60.0,
+        picking_speed=1.0,
+        carrying={"battery": {"hours": 0.0552}},
+        load_out={"seconds_away": 20.0},
+    )
+    run = Local(layout.scenario, is_hashed=False)
+    while not run.ended and run.engine.tick < 12_000:
+        run.tick()
+    assert run.ended == "jammed"
+
+
+def test_the_event_model_goes_on_from_a_haul_after_which_a_carrier_charges() -> None:
+    battery = {"hours": 0.2, "hours_to_charge": 0.05, "reserve": 0.5}
+    away = {"metres": 150.0, "speed": 5.0, "seconds": 60.0}
+    layout = small(rows=6, chargers=1, carrying={"battery": battery}, load_out=away)
+    run = Local(layout.scenario, is_hashed=False)
+    lengths = []
+    while not run.ended:
+        if run.engine.tick % 211 == 0 and is_any_away_before_charging(run):
+            moment = RunMoment(run.engine.world, run.memories, run.post.written)
+            lengths.append(begin_at(moment).run().seconds)
+        run.tick()
+    assert len(lengths) > 4
+    assert lengths == pytest.approx([run.engine.world.seconds] * len(lengths), abs=1.6)
+
+
+def is_any_away_before_charging(run: Local) -> bool:
+    carriers = [run.memories[name] for name in run.memories if kind_of(name) == "carrier"]
+    return any(
+        isinstance(memory.plan[0], Haul) and any(isinstance(step, Charge) for step in memory.plan)
+        for memory in carriers
+        if memory.plan
+    )

@@ -7,6 +7,7 @@ from orchard.event_model.begun.moment import RunMoment
 from orchard.event_model.begun.robots import Doing, NotInPlanError
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel.roads import NEAR
+from orchard.field.machines import haul_charge
 from orchard.field.scenario import TIME_STEP
 from orchard.plans import steps as st
 
@@ -19,11 +20,14 @@ class BatteriesOfCarriers:
     def __init__(self, moment: RunMoment, harvest: EventHarvest) -> None:
         self._model = harvest.model
         self._tick = moment.tick
-        self._index = moment.world.layout.index
+        layout = moment.world.layout
+        self._index = layout.index
+        self._carrier = layout.machines["carrier"]
+        self._haul_charge = haul_charge(layout.scenario, self._carrier)
         self._charge = moment.world.charge.tolist()
         self._plugged = moment.world.plugged.tolist()
         self._twist = moment.world.twist
-        seconds_to_charge = moment.world.layout.scenario.carrying.battery.hours_to_charge * HOUR
+        seconds_to_charge = layout.scenario.carrying.battery.hours_to_charge * HOUR
         self._ticks_to_charge = seconds_to_charge / TIME_STEP
 
     def take_over(self, me: Doing) -> None:
@@ -37,6 +41,8 @@ class BatteriesOfCarriers:
         charge = self._charge[body]
         me.more["charge"] = charge
         me.more["is_charged"] = me.memory.charged or charge >= 1.0
+        if isinstance(me.step, st.Haul):
+            self._haul_on(me)
         if me.kind == c.TURN and me.alarm is not None:
             # What it uses is counted when it has turned.
             me.more["moved"] = me.alarm - self._tick
@@ -45,6 +51,15 @@ class BatteriesOfCarriers:
             self._charge_on(me, charge)
         elif waits_in_charging_line(me) and not me.more["is_charged"]:
             self._await_charger(me, has_stood=not self._twist[body].any())
+
+    def _haul_on(self, me: Doing) -> None:
+        """Use what the rest of the way to the load-out and back takes, and charge after it."""
+        back = me.more["back"]
+        rest = (back - self._tick) / self._carrier.haul_ticks
+        me.more["charge"] -= rest * self._haul_charge
+        if any(isinstance(step, st.Charge) for step in me.memory.plan):
+            me.more["is_charged"] = False
+            self._model.timers[c.PARK, me.number] = c.QUARTERS * (max(self._tick, back) + 1)
 
     def _charge_on(self, me: Doing, charge: float) -> None:
         """Charge up to the tick at which the battery is full, if the carrier stands until then."""

@@ -177,8 +177,10 @@ class Robots:
         return None if decides is None else int(self.ops.arg[decides])
 
     def _be_away(self, me: Doing) -> None:
-        """Be away at the load-out for the rest of the time."""
-        me.more["is_free"] = True
+        """Be away at the load-out for the rest of the time. One that charges after it gets no call
+        before.
+        """
+        me.more["is_free"] = not _has_step(me.memory, st.Charge)
         me.more["away"] = c.NEVER
         me.more["back"] = me.memory.since + self.layout.machines["carrier"].haul_ticks
 

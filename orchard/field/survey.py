@@ -190,7 +190,7 @@ def _faults_of_spacing(rows: Sequence[SurveyedRow]) -> Iterator[tuple[SurveyedRo
             limits = f"{CLOSEST:g} to {WIDEST_GAP:g} m from centre line to centre line"
             yield row, f"lies {gap:.2f} m south of row {north.id}; must be {limits}"
     gaps = [row.south - north.south for north, row in pairwise(rows)]
-    if min(gaps) > FURTHEST + ROUNDING and max(gaps) <= WIDEST_GAP + ROUNDING:
+    if gaps and min(gaps) > FURTHEST + ROUNDING and max(gaps) <= WIDEST_GAP + ROUNDING:
         limits = f"two neighbours must be at most {FURTHEST:g} m apart"
         yield first, f"has no neighbour, and neither has any other row: {limits}"
 

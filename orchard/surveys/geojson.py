@@ -85,6 +85,8 @@ def _feature(members: dict[str, Any], number: int) -> Feature:
         parts = []
         for part in listed:
             parts.append(_part(part, kind, kind_in_file == "Point"))
+        if not parts:
+            raise ValueError("has no points")
     except ValueError as error:
         return feature._replace(fault=str(error))
     return feature._replace(parts=tuple(parts))

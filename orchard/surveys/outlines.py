@@ -12,13 +12,15 @@ from orchard.field.queue import SHORTEST_ROW
 from orchard.field.survey import CLOSEST, FEWEST_ROWS, FURTHEST
 from orchard.surveys.choosing import listed
 from orchard.surveys.features import Feature
-from orchard.surveys.options import Source
+from orchard.surveys.options import ImportOptions, Source
 from orchard.surveys.rows import SurveyedLine
 
 # Times its width, from which on a polygon is a row.
 ELONGATED = 3.0
 # m without trees at both ends of the rows in an outline, where the user says nothing.
 HEADLAND = 0.0
+# Degrees.
+FULL_TURN = 360.0
 
 
 def lines_of_polygons(
@@ -84,11 +86,8 @@ def _centre_line(outline: np.ndarray) -> np.ndarray:
     return ends * turn
 
 
-def _rows_in(
-    feature: Feature, north: float, source: Source
-) -> tuple[list[SurveyedLine], list[str]]:
-    """Return rows in an outline: half the spacing inside its edge, then a spacing apart."""
-    options = source.options
+def _check(options: ImportOptions) -> None:
+    """Check how rows are to be laid out. Raises ScenarioError."""
     spacing = options.spacing
     assert spacing is not None
     headland = options.headland
@@ -98,8 +97,22 @@ def _rows_in(
         problems.append(Problem("--spacing", f"{spacing:g}: {text}"))
     if headland is not None and not 0.0 <= headland < math.inf:
         problems.append(Problem("--headland", f"{headland:g}: must be at least 0 m"))
+    if options.direction is not None and not -FULL_TURN <= options.direction <= FULL_TURN:
+        text = f"must be {-FULL_TURN:g} to {FULL_TURN:g} degrees clockwise from north"
+        problems.append(Problem("--direction", f"{options.direction:g}: {text}"))
     if problems:
         raise ScenarioError(problems)
+
+
+def _rows_in(
+    feature: Feature, north: float, source: Source
+) -> tuple[list[SurveyedLine], list[str]]:
+    """Return rows in an outline: half the spacing inside its edge, then a spacing apart."""
+    options = source.options
+    spacing = options.spacing
+    assert spacing is not None
+    headland = options.headland
+    _check(source.options)
     outline = feature.parts[0]
     notes = []
     if headland is None:

@@ -159,7 +159,8 @@ def _point(cells: list[str], place: tuple[int, int], columns: _Columns, separato
         if separator != "," and "." not in cell:
             cell = cell.replace(",", ".")
         try:
-            value = float(cell)
+            # Python reads 17_6 as 176.
+            value = float(cell.replace("_", " "))
         except ValueError:
             value = math.nan
         if not math.isfinite(value):

@@ -62,7 +62,9 @@ def note_of_lines(features: Sequence[Feature], count: int, source: Source) -> st
     if source.options.lines == LANES:
         return ""
     word = _tree_word(features, source)
-    trees = f"{source.command(lines=TREES)} (they are lines of trees: {count - 1} rows between)"
+    trees = (
+        f"{source.command(lines=TREES)} (they are lines of trees: at most {count - 1} rows between)"
+    )
     if word:
         lanes = f"{source.command(lines=LANES)} (they are lanes that a picker drives: {count} rows)"
         raise ScenarioError(
@@ -76,7 +78,8 @@ def note_of_lines(features: Sequence[Feature], count: int, source: Source) -> st
         )
     return (
         f"the {count} lines are taken for lanes, which a picker drives between two lines of trees."
-        f" If they are lines of trees, there are {count - 1} rows: {source.command(lines=TREES)}"
+        f" If they are lines of trees, there are at most {count - 1} rows:"
+        f" {source.command(lines=TREES)}"
     )
 
 

@@ -309,6 +309,8 @@ UNUSABLE = [
     (line("[[1, 2], [NaN, 1]]"), None, "feature number 2: its point 2 is [NaN, 1]; each"),
     (line("[[1, 2], null]"), None, "feature number 2: its point 2 is null; each"),
     (line("3"), None, "at least two different points"),
+    (line("[]").replace("LineString", "MultiLineString"), None, "feature number 2: has no points"),
+    (line("[[176, -37], [176.001, -37]]"), None, "has 1 rows; must be 3 to 100"),
     (
         '{"features": [7]}',
         None,

@@ -1,5 +1,7 @@
 """Polygons are rows, or the outline of a block in which rows are laid out."""
 
+import math
+
 import pytest
 from made_surveys import feature, pair, write_features
 
@@ -79,6 +81,7 @@ def test_an_outline_alone_is_asked_about(outline):
     assert f"{outline} --direction 30 --spacing 5 --headland 8" in words
     assert "--spacing: 2: must be 3.65 to 12.5 m" in told(outline, spacing=2.0)
     assert "--headland: -1: must be at least 0 m" in told(outline, spacing=5.0, headland=-1.0)
+    assert "--direction: nan: must be -360 to 360" in told(outline, spacing=5.0, direction=math.nan)
     assert "has 0 rows" in told(outline, spacing=5.0, headland=55.0)
 
 

@@ -8,6 +8,10 @@ MAKER = "Orchard"
 TABLE = KindOfFile("the table of a study", rb"[^\n]*,bound_bins_per_hour,bottleneck,|\r\n\Z")
 REPORT = KindOfFile("the report of a study", rb'.*<meta name="generator" content="Orchard">')
 # PNG, and SVG.
+SUBMISSION = KindOfFile(
+    "a submission to the benchmark",
+    rb'\{\n  "set": [^\n]*\n  "policy": [^\n]*\n  "policy_version": ',
+)
 PICTURE = KindOfFile(
     "a picture", rb"\x89PNG.*Software\0Orchard|<\?xml .*<dc:title>Orchard</dc:title>"
 )

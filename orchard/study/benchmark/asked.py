@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from types import TracebackType
@@ -43,6 +43,8 @@ from orchard.study.benchmark.seen import nothing_drawn
 DECISION_SECONDS = 1.0
 # s until a policy can be asked: what it imports, as a library for learning, takes long to load.
 BEGIN_SECONDS = 120.0
+# s between two looks whether to stop.
+GLANCE = 0.2
 # Variables of the environment that a policy's process gets.
 ENVIRONMENT = (
     "HOME",
@@ -64,6 +66,10 @@ class TooSlow(Exception):
     """Raised for a decision that takes longer than it may."""
 
 
+class Stopped(Exception):
+    """Raised when the benchmark is stopped while a policy is asked."""
+
+
 class PolicyRefused(Exception):
     """Raised for a policy that cannot be made: the text says why, and where in the user's file."""
 
@@ -79,10 +85,13 @@ class Limits:
 class PolicyProcess:
     """The process of a policy. It begins with the first harvest, and anew after each fault."""
 
-    def __init__(self, policy: str, limits: Limits) -> None:
-        """`policy`: its name in a scenario."""
+    def __init__(
+        self, policy: str, limits: Limits, is_stopped: Callable[[], bool] = lambda: False
+    ) -> None:
+        """`policy`: its name in a scenario. `is_stopped`: whether nobody waits for it any more."""
         self.policy = policy
         self._limits = limits
+        self._is_stopped = is_stopped
         self._process: subprocess.Popen[bytes] | None = None
         self._tick = 0
         # What the class of the policy says, once it has begun.
@@ -102,7 +111,7 @@ class PolicyProcess:
     def begin(self, scenario: Scenario) -> bool:
         """Begin a harvest. Return whether bins report before they are full.
 
-        Raises PolicyRefused, PolicyFault or TooSlow.
+        Raises PolicyRefused, PolicyFault, TooSlow or Stopped.
         """
         if self._process is None:
             self._start()
@@ -123,7 +132,7 @@ class PolicyProcess:
     def orders(
         self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport]
     ) -> list[Assignment]:
-        """Return what the policy decides at a tick. Raises PolicyFault or TooSlow."""
+        """Return what the policy decides at a tick. Raises PolicyFault, TooSlow or Stopped."""
         self._tick = now
         self._tell(Ask(now, list(bins), list(carriers)))
         answer = self._answer(self._limits.decision_seconds, "for a decision")
@@ -178,7 +187,7 @@ class PolicyProcess:
     def _answer(self, seconds: float, purpose: str) -> Answer:
         """Return the next answer. `purpose`: what takes the time, as "for a decision".
 
-        Raises PolicyFault or TooSlow.
+        Raises PolicyFault, TooSlow or Stopped.
         """
         until = time.monotonic() + seconds
         too_slow = TooSlow(
@@ -197,14 +206,22 @@ class PolicyProcess:
         return answer
 
     def _read(self, size: int, until: float, too_slow: TooSlow) -> bytes:
-        """Return so many bytes of an answer. Raises `too_slow`, or PolicyFault at its end."""
+        """Return so many bytes of an answer. Raises `too_slow`, Stopped, or PolicyFault at its
+        end.
+        """
         assert self._process is not None and self._process.stdout is not None
         pipe = self._process.stdout.fileno()
         content = b""
         with selectors.DefaultSelector() as selector:
             selector.register(pipe, selectors.EVENT_READ)
             while len(content) < size:
-                if not selector.select(max(0.0, until - time.monotonic())):
+                if self._is_stopped():
+                    self.stop()
+                    raise Stopped
+                left = until - time.monotonic()
+                if not selector.select(min(GLANCE, max(0.0, left))):
+                    if left > GLANCE:
+                        continue
                     self.stop()
                     raise too_slow
                 part = os.read(pipe, size - len(content))

@@ -14,8 +14,9 @@ from rich.table import Table
 from typer import BadParameter
 
 from orchard.discrete.harvest import get_ready
-from orchard.field.problems import ScenarioError
-from orchard.field.scenario import NEAREST
+from orchard.dispatch.policies import POLICIES
+from orchard.field.problems import ScenarioError, printable
+from orchard.field.scenario import NEAREST, ROLLING
 from orchard.report.summary import SUMMARY, why_unwritten
 from orchard.study.benchmark.bounds import hidden_instances, secret_of
 from orchard.study.benchmark.families import commitment
@@ -23,6 +24,7 @@ from orchard.study.benchmark.instances import Instance, instances
 from orchard.study.benchmark.scores import Benchmark, BenchmarkResult
 from orchard.study.benchmark.submission import Submission, problems_of, read_submission
 from orchard.study.command_options import BenchmarkOptions
+from orchard.study.kinds_of_files import SUBMISSION
 from orchard.study.options import StudyOptions
 from orchard.study.store import Store, StoreError
 from orchard.study.study_command import STOPPED, failures, tell_if_lost
@@ -43,6 +45,7 @@ MEANING = (
     "What is proven of the shortest harvest, as a share of the time that it took, %. Differences to"
     " {policy} are paired, by seeds."
 )
+OWN_STOPPED = "stopped; harvests of a policy of your own are not kept"
 CHECKED = "The harvests with {policy}, s; of several seeds the mean."
 
 
@@ -64,7 +67,7 @@ def run_benchmark(chosen: BenchmarkOptions) -> int:
                 return _verify(chosen.verify, known)
             done = _done(chosen, known, store_file, workers)
         if done is None:
-            print_error(STOPPED)
+            print_error(STOPPED if chosen.policy in POLICIES else OWN_STOPPED)
             return FAILED
         result, submission = done
         _print(result)
@@ -84,6 +87,8 @@ class SubmissionError(ValueError):
 
 def _check_options(chosen: BenchmarkOptions) -> None:
     """Refuse options that contradict each other. Raises BadParameter or ScenarioError."""
+    if chosen.verify is not None:
+        _check_alone(chosen)
     if chosen.submission is not None and chosen.check:
         text = "a policy is trusted in the simulator; leave out --check"
         raise BadParameter(text, param_hint="--submission")
@@ -98,8 +103,24 @@ def _check_options(chosen: BenchmarkOptions) -> None:
         store_file = StudyOptions(store=chosen.out).store_file
         if same := [*one_file([store_file, *outputs])]:
             raise ScenarioError(same)
-    for path in outputs:
-        check_writable(path, kind=SUMMARY)
+    if chosen.summary is not None:
+        check_writable(chosen.summary, kind=SUMMARY)
+    if chosen.submission is not None:
+        check_writable(chosen.submission, kind=SUBMISSION)
+
+
+def _check_alone(chosen: BenchmarkOptions) -> None:
+    """Refuse what has no effect beside --verify. Raises BadParameter."""
+    in_vain = {
+        "POLICY": chosen.policy != ROLLING,
+        "--check": chosen.check,
+        "--summary": chosen.summary is not None,
+        "--submission": chosen.submission is not None,
+    }
+    for name, is_given in in_vain.items():
+        if is_given:
+            text = f"it replays the decisions of its file; {name} has no effect: leave it out"
+            raise BadParameter(text, param_hint="--verify")
 
 
 @contextmanager
@@ -145,7 +166,7 @@ def _verify(path: Path, known: dict[str, Instance]) -> int:
     if problems:
         return FAILED
     print_line(
-        f"{path}: {submission.policy} has {_percent(submission.score)} %:"
+        f"{path}: {printable(submission.policy)} has {_percent(submission.score)} %:"
         f" {len(submission.harvests)} harvests were replayed, and each takes as long as it says."
     )
     return FINISHED

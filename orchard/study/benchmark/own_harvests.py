@@ -10,12 +10,16 @@ from orchard.behaviour.dispatcher import PolicyFault
 from orchard.field.layout import lay_out
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario
-from orchard.study.benchmark.asked import Limits, PolicyProcess, PolicyRefused, TooSlow
+from orchard.study.benchmark.asked import (
+    GLANCE,
+    Limits,
+    PolicyProcess,
+    PolicyRefused,
+    Stopped,
+    TooSlow,
+)
 from orchard.study.benchmark.play import Played, play
 from orchard.study.runs import RunFailed
-
-# s between two looks whether to stop.
-GLANCE = 0.2
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,7 @@ class OwnHarvests:
 
     def _work(self, batch: "_Batch") -> None:
         """Do harvests of a batch until it is over, in one process of the policy."""
-        with PolicyProcess(self._policy, self._limits) as process:
+        with PolicyProcess(self._policy, self._limits, batch.is_over.is_set) as process:
             while not batch.is_over.is_set():
                 try:
                     number = batch.queue.get_nowait()
@@ -94,6 +98,8 @@ class OwnHarvests:
                 try:
                     batch.results[number] = _played(process, batch.harvests[number])
                     self.version = process.version
+                except Stopped:
+                    return
                 except (PolicyFault, PolicyRefused) as fault:
                     batch.fail(number, str(fault))
 
@@ -120,7 +126,7 @@ class _Batch:
 def _played(process: PolicyProcess, harvest: OwnHarvest) -> OwnResult:
     """Do a harvest. One that the policy is too slow for is never finished.
 
-    Raises PolicyFault or PolicyRefused.
+    Raises PolicyFault, PolicyRefused or Stopped.
     """
     layout = lay_out(harvest.scenario)
     try:

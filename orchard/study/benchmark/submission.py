@@ -17,8 +17,8 @@ from orchard.study.benchmark.instances import SET, Instance, RecordedOrder, reco
 from orchard.study.benchmark.play import Played, play
 from orchard.study.runs import software
 
-# s by which times may differ, because they are rounded.
-ROUNDING = 0.051
+# s by which times may differ: they are rounded to a tick, 0.1 s.
+ROUNDING = 1e-6
 # Scores are shares: this is a millionth of a point.
 SCORE_ROUNDING = 1e-8
 
@@ -131,7 +131,18 @@ def problems_of(submission: Submission, known: Mapping[str, Instance]) -> list[s
     for harvest in submission.harvests:
         if (harvest.instance, harvest.seed) in wanted:
             problems += _wrong(harvest, known[harvest.instance])
+    problems += _wrong_scores(submission)
+    return problems
+
+
+def _wrong_scores(submission: Submission) -> list[str]:
+    """Return which scores are not those of the harvests."""
+    problems = []
     scores = scores_of(submission.harvests)
+    for instance, told in submission.scores.items():
+        given = scores.get(instance)
+        if given is None or abs(given - told) > SCORE_ROUNDING:
+            problems.append(f"the score of {instance} is not that of its harvests")
     score = fmean(scores.values()) if scores else 0.0
     if abs(score - submission.score) > SCORE_ROUNDING:
         problems.append(
@@ -155,7 +166,7 @@ def _wrong(harvest: SubmittedHarvest, instance: Instance) -> list[str]:
         return [f"{where}: {error}"]
     if seconds is None:
         return [f"{where}: its orders never finish the harvest"]
-    if abs(seconds - harvest.seconds) > ROUNDING:
+    if abs(round(seconds, 1) - harvest.seconds) > ROUNDING:
         return [f"{where}: it says {harvest.seconds:.1f} s; its orders take {seconds:.1f} s"]
     if seconds < proven - ROUNDING:
         return [f"{where}: {seconds:.1f} s are less than the proven {proven:.1f} s"]
@@ -167,18 +178,29 @@ def replayed(scenario: Scenario, is_early: bool, orders: Sequence[RecordedOrder]
 
     Raises ValueError for an order that cannot be.
     """
-    given = dict[int, list[Assignment]]()
+    given = dict[int, list[RecordedOrder]]()
     for order in orders:
-        given.setdefault(order.tick, []).append(Assignment(order.bin, order.carrier))
+        given.setdefault(order.tick, []).append(order)
 
     def decide(
         now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport]
     ) -> list[Assignment]:
         decided = given.pop(now, [])
+        pickers = {report.name: report.picker for report in bins}
         try:
-            return checked(decided, list(bins), list(carriers))
+            sent = checked(
+                [Assignment(order.bin, order.carrier) for order in decided],
+                list(bins),
+                list(carriers),
+            )
         except ValueError as error:
             raise ValueError(f"tick {now}: {error}") from None
+        for order in decided:
+            if pickers[order.bin] != order.picker:
+                raise ValueError(
+                    f"tick {now}: {order.bin} is that of {pickers[order.bin]}, not {order.picker}"
+                )
+        return sent
 
     seconds = play(lay_out(scenario), is_early, decide).seconds
     if given:

@@ -226,12 +226,17 @@ def test_a_submission_is_verified_without_its_policy(store, tmp_path):
         "its orders never finish the harvest": {"orders": first["orders"][:1]},
         "its bound is 1 s; expected": {"proven_seconds": 1.0},
         "no such instance and seed": {"seed": 1},
+        "is that of picker_": {"orders": [[*first["orders"][0][:3], "picker_99"]]},
+        f"it says {first['seconds'] - 0.1:.1f} s;": {"seconds": first["seconds"] - 0.1},
     }
     for said, change in faults.items():
         forged = written | {"harvests": [first | change, *written["harvests"][1:]]}
         file.write_text(json.dumps(forged | {"policy": "better.Policy"}))
         refused = orchard("benchmark", "--verify", file, *small, *rest, code=1)
         assert said in refused.stderr
+    file.write_text(json.dumps(written | {"scores": written["scores"] | {"tiny-test": 1.0}}))
+    refused = orchard("benchmark", "--verify", file, *small, *rest, code=1)
+    assert "the score of tiny-test is not that of its harvests" in refused.stderr
     file.write_text(json.dumps(written))
     missing = orchard("benchmark", "--verify", file, *small, "--orchard", "tiny-train", code=1)
     assert re.search(r"tiny-train, seed \d+: this harvest is missing", missing.stderr)
@@ -256,6 +261,7 @@ def test_a_builtin_policy_is_submitted_as_it_is_scored(tmp_path):
         (("--submission", "x.json", "--check"), "a policy is trusted in the simulator"),
         (("--secret", "no.txt", "--split", "test"), "the secret draws a split of its own"),
         (("--secret", "no.txt"), "no.txt: No such file or directory"),
+        (("predictive", "--verify", "no.json"), "POLICY has no effect: leave it out"),
         (("--verify", "no.json"), "no.json: No such file or directory"),
         (("--verify", "README.md"), "README.md: is no submission to the benchmark"),
         (("--split", "hidden"), "hidden: expected train or test"),

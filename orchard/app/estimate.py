@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from nicegui import run, ui
 
+from orchard.behaviour.dispatcher import PolicyFault
 from orchard.discrete.harvest import DiscreteHarvest, Jam
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
@@ -37,7 +38,7 @@ def harvest(scenario: Scenario, number: int) -> FastHarvest:
     try:
         layout = lay_out(with_changes(scenario, seed=(scenario.seed + number) % 2**63))
         figures = DiscreteHarvest(layout).run().figures()
-    except (Jam, ScenarioError, ValueError, NotImplementedError) as error:
+    except (Jam, PolicyFault, ScenarioError, ValueError, NotImplementedError) as error:
         return FastHarvest(fault=str(error))
     return FastHarvest(figures.bins_per_hour, figures.sim_seconds)
 
@@ -105,7 +106,7 @@ class EstimateView:
         ui.timer(LOOK_SECONDS, self._go_on)
 
     def show(self, scenario: Scenario | None) -> None:
-        """FleetEstimate another scenario from now on. None: what is entered is invalid."""
+        """Estimate another scenario from now on. None: what is entered is invalid."""
         if scenario is None:
             self._estimate = None
             self._words.set_text("")

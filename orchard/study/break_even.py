@@ -12,6 +12,8 @@ from orchard.study.words import interval_words, number_words
 
 # The kinds of robots, by the key of their number.
 KINDS = {"pickers": "picker", "carriers": "carrier"}
+# A price below this is shown as 0.
+LEAST_PRICE = 0.0005
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,7 @@ def break_even_words(found: BreakEven) -> str:
     which = f"{kind} number {found.number}"
     if found.number - found.fewer > 1:
         which = f"each {kind} from number {found.fewer + 1} to {found.number}"
-    if found.per_hour.mean <= 0.0:
+    if found.per_hour.mean < LEAST_PRICE:
         return f"{which} does not pay, even if it costs nothing"
     words = f"{which} pays if it costs up to {interval_words(found.per_hour)} an hour"
     if found.price is None or found.years is None or found.hours_per_year is None:

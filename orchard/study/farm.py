@@ -335,6 +335,8 @@ def _notes(
         )
     if any(result.scenario["prices"] != Scenario().prices.model_dump() for result in results):
         notes.append("prices of the blocks are not used: a farm is asked for its time")
+    if any(result.scenario["shift"]["begin"] is not None for result in results):
+        notes.append("the shift of a block is not used: times of a farm are working time")
     for block, result in zip(farm.blocks, results, strict=True):
         for note in result.notes:
             notes.append(f"{block.name}: {note}")

@@ -178,7 +178,10 @@ def _worth_trying(scenario: Scenario) -> list[int]:
     """Return the numbers of pickers of which each shortens the longest share of rows."""
     most = min(MOST_PICKERS, scenario.rows)
     numbers = range(LEAST_PICKERS, most + 1)
-    is_balanced = scenario.rows_to_pickers in ROW_RULES[:2] and scenario.survey is None
+    are_alike = not scenario.picker_rates and not _pickers_are_drawn(scenario)
+    is_balanced = (
+        scenario.rows_to_pickers in ROW_RULES[:2] and scenario.survey is None and are_alike
+    )
     if not is_balanced:
         return [number for number in numbers if _is_scenario(scenario, number)]
     shares: dict[int, int] = {}
@@ -186,6 +189,10 @@ def _worth_trying(scenario: Scenario) -> list[int]:
         if _is_scenario(scenario, number):
             shares.setdefault(ceil(scenario.rows / number), number)
     return list(shares.values())
+
+
+def _pickers_are_drawn(scenario: Scenario) -> bool:
+    return scenario.picking.spread_of_pickers.distribution != "none"
 
 
 def _is_scenario(scenario: Scenario, pickers: int) -> bool:

@@ -112,3 +112,14 @@ def test_prices_that_cannot_be_are_told(text: str, told: str) -> None:
         parse(text, "my.yaml")
     (line,) = str(error.value).splitlines()
     assert told in line
+
+
+@pytest.mark.parametrize(
+    "faster", ["picker_rates: {picker_01: 3}", "picking: {spread: {distribution: gamma, cv: 0.3}}"]
+)
+def test_a_piece_rate_that_one_picker_may_earn_has_an_effect(faster: str) -> None:
+    text = (
+        'picking_rate: 6\nshift: {begin: "08:00", end: "11:00"}\n'
+        f"prices: {{picker_per_bin: 10, picker_least_per_day: 200}}\n{faster}"
+    )
+    assert parse(text, "my.yaml").prices.picker_least_per_day == 200.0

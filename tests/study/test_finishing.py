@@ -161,3 +161,16 @@ def test_robots_that_vary_need_a_price_if_others_have_one(prices, told) -> None:
 def test_a_study_without_a_deadline_tells_no_deadline(tmp_path) -> None:
     found = study(SMALL, {"carriers": [1]}, replace(OPTIONS, store=tmp_path / "s.db"))
     assert found.deadline == "" and found.table[0].in_time is None
+
+
+@pytest.mark.parametrize(
+    "differing",
+    [
+        {"picker_rates": {"picker_01": 0.3}},
+        {"picking": {"spread_of_pickers": {"distribution": "gamma", "cv": 0.5}}},
+    ],
+)
+def test_where_pickers_differ_each_number_of_them_is_tried(differing) -> None:
+    """One more picker may take the longest share from a slow one."""
+    fleets = Fleets(with_changes(SMALL, **differing), within(10.0), [], [1])
+    assert {fleet.pickers for fleet in fleets.fleets} == {2, 3, 4, 5, 6}

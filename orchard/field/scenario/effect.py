@@ -75,13 +75,16 @@ def _piece_rate_in_vain(scenario: Scenario) -> str:
     least = prices.picker_least_per_day
     if not prices.picker_per_bin or least is None or not scenario.shift.is_set:
         return ""
+    if scenario.picking.spread.distribution != "none":
+        return ""
     hours = scenario.shift.work_seconds / 3600.0
-    bins = scenario.chosen["picking_rate"] * hours
+    rate = scenario.chosen["picking_rate"] * max(1.0, *scenario.picker_rates.values(), 1.0)
+    bins = rate * hours
     most = hours * (prices.picker_per_hour or 0.0) + bins * prices.picker_per_bin
     if most > least:
         return ""
     return (
-        f"has no effect: at {scenario.chosen['picking_rate']:.3g} bins an hour a day of"
+        f"has no effect: at {rate:.3g} bins an hour a day of"
         f" {hours:.3g} h earns at most {most:.6g}, and {least:.6g} is paid anyway"
     )
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from orchard.field.decisions import Decision
 from orchard.field.kinds import BODILESS, KINDS
@@ -24,6 +24,7 @@ PickerRates = Annotated[
         Annotated[float, Field(ge=0.05, le=20.0)],
     ],
     Field(max_length=60, description=PICKER_RATES),
+    AfterValidator(lambda rates: dict(sorted(rates.items()))),
 ]
 Bodiless = Annotated[str, Field(pattern="^[a-z][a-z0-9_]{0,63}$")]
 Classes = Annotated[

@@ -100,6 +100,7 @@ CROP = ("crop.tonnes_per_hectare", "crop.kilograms_per_bin")
 WAYS: tuple[tuple[tuple[str, ...], ...], ...] = (
     (("picking_speed",), ("picking_rate",)),
     (("metres_per_bin",), ("bins_per_row",), CROP),
+    (("load_out.metres", "load_out.speed", "load_out.seconds"), ("load_out.seconds_away",)),
 )
 # m/s, of a picker while it picks.
 SLOWEST = 0.001

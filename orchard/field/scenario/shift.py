@@ -67,7 +67,7 @@ class WorkShift(Section):
             minutes -= end - begin
             if minutes <= 0.0:
                 break
-        hours, rest = divmod(int(moment + 1e-6), 60)
+        hours, rest = divmod(round(moment), 60)
         return f"{hours:02d}:{rest:02d}"
 
     @field_serializer("breaks")

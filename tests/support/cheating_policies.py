@@ -89,9 +89,9 @@ class ModuleReader(Honest):
     """Imports the benchmark, and looks which orchard this is."""
 
     def __init__(self, layout):
-        from orchard.study.benchmark import scores
+        from orchard.study.benchmark.instances import instances
 
-        raise Found([name for name, value in vars(scores).items() if name == "orchards"])
+        raise Found([name for name in instances() if name == "tiny-train"])
 
 
 class MemoryReader(Honest):

@@ -48,7 +48,7 @@ def played(policy: str, scenario: Scenario = DRAWN, limits: Limits = PATIENT) ->
         ("SeedReader", r"HiddenFromPolicy: layout\.scenario\.seed is hidden from a policy"),
         ("SeedReaderWithDefault", r"HiddenFromPolicy: layout\.scenario\.seed is hidden"),
         ("DumpReader", r"Found: \(0, \{'distribution': 'none', .*\{'workers': 0, 'visitors': 0\}"),
-        ("ModuleReader", r"Found: \['orchards'\]"),
+        ("ModuleReader", r"Found: \['tiny-train'\]"),
     ],
 )
 def test_a_class_that_asks_for_what_is_drawn_is_refused(cheat, said):

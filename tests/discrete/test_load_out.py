@@ -396,7 +396,7 @@ def test_a_carrier_that_gets_flat_before_its_haul_is_a_jam() -> None:
     assert run.ended == "jammed"
 
 
-def test_the_event_model_goes_on_from_a_haul_after_which_a_carrier_charges() -> None:
+def test_the_event_model_goes_on_from_a_haul_before_charging() -> None:
     battery = {"hours": 0.2, "hours_to_charge": 0.05, "reserve": 0.5}
     away = {"metres": 150.0, "speed": 5.0, "seconds": 60.0}
     layout = small(rows=6, chargers=1, carrying={"battery": battery}, load_out=away)

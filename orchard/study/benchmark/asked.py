@@ -66,7 +66,7 @@ class TooSlow(Exception):
     """Raised for a decision that takes longer than it may."""
 
 
-class Stopped(Exception):
+class AskingStopped(Exception):
     """Raised when the benchmark is stopped while a policy is asked."""
 
 
@@ -111,7 +111,7 @@ class PolicyProcess:
     def begin(self, scenario: Scenario) -> bool:
         """Begin a harvest. Return whether bins report before they are full.
 
-        Raises PolicyRefused, PolicyFault, TooSlow or Stopped.
+        Raises PolicyRefused, PolicyFault, TooSlow or AskingStopped.
         """
         if self._process is None:
             self._start()
@@ -132,7 +132,10 @@ class PolicyProcess:
     def orders(
         self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport]
     ) -> list[Assignment]:
-        """Return what the policy decides at a tick. Raises PolicyFault, TooSlow or Stopped."""
+        """Return what the policy decides at a tick.
+
+        Raises PolicyFault, TooSlow or AskingStopped.
+        """
         self._tick = now
         self._tell(Ask(now, list(bins), list(carriers)))
         answer = self._answer(self._limits.decision_seconds, "for a decision")
@@ -187,7 +190,7 @@ class PolicyProcess:
     def _answer(self, seconds: float, purpose: str) -> Answer:
         """Return the next answer. `purpose`: what takes the time, as "for a decision".
 
-        Raises PolicyFault, TooSlow or Stopped.
+        Raises PolicyFault, TooSlow or AskingStopped.
         """
         until = time.monotonic() + seconds
         too_slow = TooSlow(
@@ -206,8 +209,9 @@ class PolicyProcess:
         return answer
 
     def _read(self, size: int, until: float, too_slow: TooSlow) -> bytes:
-        """Return so many bytes of an answer. Raises `too_slow`, Stopped, or PolicyFault at its
-        end.
+        """Return so many bytes of an answer.
+
+        Raises `too_slow`, AskingStopped, or PolicyFault at its end.
         """
         assert self._process is not None and self._process.stdout is not None
         pipe = self._process.stdout.fileno()
@@ -217,7 +221,7 @@ class PolicyProcess:
             while len(content) < size:
                 if self._is_stopped():
                     self.stop()
-                    raise Stopped
+                    raise AskingStopped
                 left = until - time.monotonic()
                 if not selector.select(min(GLANCE, max(0.0, left))):
                     if left > GLANCE:

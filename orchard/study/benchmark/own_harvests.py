@@ -12,10 +12,10 @@ from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.study.benchmark.asked import (
     GLANCE,
+    AskingStopped,
     Limits,
     PolicyProcess,
     PolicyRefused,
-    Stopped,
     TooSlow,
 )
 from orchard.study.benchmark.play import Played, play
@@ -98,7 +98,7 @@ class OwnHarvests:
                 try:
                     batch.results[number] = _played(process, batch.harvests[number])
                     self.version = process.version
-                except Stopped:
+                except AskingStopped:
                     return
                 except (PolicyFault, PolicyRefused) as fault:
                     batch.fail(number, str(fault))
@@ -126,7 +126,7 @@ class _Batch:
 def _played(process: PolicyProcess, harvest: OwnHarvest) -> OwnResult:
     """Do a harvest. One that the policy is too slow for is never finished.
 
-    Raises PolicyFault, PolicyRefused or Stopped.
+    Raises PolicyFault, PolicyRefused or AskingStopped.
     """
     layout = lay_out(harvest.scenario)
     try:

@@ -140,8 +140,8 @@ def _wrong_scores(submission: Submission) -> list[str]:
     problems = []
     scores = scores_of(submission.harvests)
     for instance, told in submission.scores.items():
-        given = scores.get(instance)
-        if given is None or abs(given - told) > SCORE_ROUNDING:
+        computed = scores.get(instance)
+        if computed is None or abs(computed - told) > SCORE_ROUNDING:
             problems.append(f"the score of {instance} is not that of its harvests")
     score = fmean(scores.values()) if scores else 0.0
     if abs(score - submission.score) > SCORE_ROUNDING:
@@ -186,23 +186,29 @@ def replayed(scenario: Scenario, is_early: bool, orders: Sequence[RecordedOrder]
         now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport]
     ) -> list[Assignment]:
         decided = given.pop(now, [])
-        pickers = {report.name: report.picker for report in bins}
         try:
             sent = checked(
                 [Assignment(order.bin, order.carrier) for order in decided],
                 list(bins),
                 list(carriers),
             )
+            _check_pickers(decided, bins)
         except ValueError as error:
             raise ValueError(f"tick {now}: {error}") from None
-        for order in decided:
-            if pickers[order.bin] != order.picker:
-                raise ValueError(
-                    f"tick {now}: {order.bin} is that of {pickers[order.bin]}, not {order.picker}"
-                )
         return sent
 
     seconds = play(lay_out(scenario), is_early, decide).seconds
     if given:
         raise ValueError(f"tick {min(given)}: nothing is decided then, and it has an order")
     return seconds
+
+
+def _check_pickers(orders: Sequence[RecordedOrder], bins: Sequence[BinReport]) -> None:
+    """Check whose bins were fetched. Raises ValueError."""
+    pickers = dict[str, str]()
+    for report in bins:
+        pickers[report.name] = report.picker
+    for order in orders:
+        picker = pickers[order.bin]
+        if picker != order.picker:
+            raise ValueError(f"{order.bin} is that of {picker}, not {order.picker}")

@@ -27,7 +27,7 @@ IN_NEED: dict[str, list[list[str]]] = {
     "bags": [],
     "futures": [],
     "gym": [],
-    "optimum": [["bound"], ["benchmark", "nearest"]],
+    "optimum": [["bound"], ["benchmark", "nearest", "--secret", "orchard/local.py"]],
     "roads": [["layout", "export", "--lif", "map.json"]],
     "study": [["app"], ["fork", "last", "--at", "1", "--futures", "2"]],
 }

@@ -42,7 +42,10 @@ def open_browser(
     for flag in (*FLAGS, *flags, f"--user-data-dir={profile}"):
         options.add_argument(flag)
     options.add_experimental_option("prefs", {"download.default_directory": downloads})
-    return webdriver.Chrome(options=options, service=Service(driver))
+    opened = webdriver.Chrome(options=options, service=Service(driver))
+    # axe looks at all elements of a page: on a busy machine that takes longer than the usual 30 s.
+    opened.set_script_timeout(PATIENCE)
+    return opened
 
 
 def fresh(look: Callable[..., Any]) -> Callable[..., Any]:
@@ -154,12 +157,18 @@ class Browser:
 
     @staticmethod
     def _pressed(element: WebElement) -> bool:
-        """Whether it could be clicked: not while the page is laying itself out."""
+        """Whether it could be clicked: not while the page is laying itself out.
+
+        Where the header, which stays on top, is in the way, it scrolls as a person does.
+        """
         if not element.is_displayed() or not element.is_enabled():
             return False
         try:
             element.click()
-        except (ElementNotInteractableException, ElementClickInterceptedException):
+        except ElementClickInterceptedException:
+            element.parent.execute_script("arguments[0].scrollIntoView({block: 'center'})", element)
+            return False
+        except ElementNotInteractableException:
             return False
         return True
 

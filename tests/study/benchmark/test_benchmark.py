@@ -270,3 +270,11 @@ def test_a_builtin_policy_is_submitted_as_it_is_scored(tmp_path):
 )
 def test_options_that_cannot_be_are_refused(words, said):
     assert said in orchard("benchmark", *words, code=2).stderr
+
+
+def test_the_documented_options_are_those_of_the_command():
+    known = orchard("benchmark", "--help").stdout
+    for name in ("benchmark secret", "benchmark submission"):
+        options = re.findall(r" (--\w+)", block("docs/benchmark.md", name))
+        assert options
+        assert [option for option in options if option not in known] == []

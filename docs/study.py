@@ -112,6 +112,8 @@ prices:
   overhead_per_hour: 35
 ```
 
+The least of a day is paid as if all pickers filled as many bins.
+
 The notes tell what the last robot may cost, and one more: "carrier number 3 pays if it costs up to
 41 ± 2 an hour". With `years` and `hours_per_year` they tell the price at which it is bought, too.
 

@@ -94,10 +94,8 @@ def machine_of(scenario: Scenario, kind: str) -> Machine:
 def haul_charge(scenario: Scenario, machine: Machine) -> float:
     """Return the share of its battery that a carrier uses on the way to the load-out and back."""
     battery = scenario.carrying.battery
-    if battery.hours is None:
-        return 0.0
-    driven = machine.haul_driving_ticks + battery.standing * machine.haul_standing_ticks
-    return driven * TIME_STEP / (3600.0 * battery.hours)
+    driven = battery.as_driven(machine.haul_driving_ticks, machine.haul_standing_ticks)
+    return battery.share_used(driven * TIME_STEP)
 
 
 def _radians(degrees: float) -> float:

@@ -58,10 +58,6 @@ class WorkDays:
             return [last]
         return [Day(count=whole, hours=self.day_hours, seconds=self.day_seconds), last]
 
-    def paid_hours(self, seconds: float) -> float:
-        """Return the working hours of a harvest of this length."""
-        return sum(day.count * day.hours for day in self.of(seconds))
-
     def words(self, seconds: float) -> str:
         """Return when a harvest of this length ends: 'day 2 at 09:40'."""
         day = self.count(seconds)

@@ -91,6 +91,7 @@ class Workers:
         The executor gets no more than it can begin soon. So nothing has to be cancelled at a stop:
         the pool of Python 3.11 fails in its own thread if a worker dies then.
         """
+        # A list, because a result takes its item out of the map meanwhile.
         waiting = iter(list(items.items()))
         pending: dict[Future[Result], int] = {}
         while goes_on():

@@ -115,7 +115,12 @@ def test_prices_that_cannot_be_are_told(text: str, told: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "faster", ["picker_rates: {picker_01: 3}", "picking: {spread: {distribution: gamma, cv: 0.3}}"]
+    "faster",
+    [
+        "picker_rates: {picker_01: 3}",
+        "picking: {spread: {distribution: gamma, cv: 0.3}}",
+        "picking: {spread_of_pickers: {distribution: gamma, cv: 0.3}}",
+    ],
 )
 def test_a_piece_rate_that_one_picker_may_earn_has_an_effect(faster: str) -> None:
     text = (

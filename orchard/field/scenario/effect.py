@@ -75,10 +75,12 @@ def _piece_rate_in_vain(scenario: Scenario) -> str:
     least = prices.picker_least_per_day
     if not prices.picker_per_bin or least is None or not scenario.shift.is_set:
         return ""
-    if scenario.picking.spread.distribution != "none":
+    picking = scenario.picking
+    # The seed may draw a picker or a row that is fast enough.
+    if {picking.spread.distribution, picking.spread_of_pickers.distribution} != {"none"}:
         return ""
     hours = scenario.shift.work_seconds / 3600.0
-    rate = scenario.chosen["picking_rate"] * max(1.0, *scenario.picker_rates.values(), 1.0)
+    rate = scenario.chosen["picking_rate"] * max([1.0, *scenario.picker_rates.values()])
     bins = rate * hours
     most = hours * (prices.picker_per_hour or 0.0) + bins * prices.picker_per_bin
     if most > least:

@@ -401,10 +401,10 @@ class Scenario(Section):
         """A carrier comes back from the load-out with more than its reserve, if it left full."""
         battery = self.carrying.battery
         load_out = self.load_out
-        if battery.hours is None or load_out.has_trailers:
+        if load_out.has_trailers:
             return
-        driven = load_out.seconds_on_the_way + battery.standing * load_out.seconds
-        used = driven / (3600.0 * battery.hours)
+        driven = battery.as_driven(load_out.seconds_on_the_way, load_out.seconds)
+        used = battery.share_used(driven)
         text = (
             f"a way to the load-out and back uses {used:.2g} of a battery; must be less than"
             f" {1.0 - battery.reserve:.2g}, what is above the reserve"

@@ -170,6 +170,16 @@ class Battery(Section):
         CHOICE,
     ] = 0.2
 
+    def as_driven(self, driving: float, standing: float) -> float:
+        """Return the time of driving that uses as much as two times, of any unit, together."""
+        return driving + self.standing * standing
+
+    def share_used(self, driven_seconds: float) -> float:
+        """Return which share of a full battery some driving uses; 0 if it is endless."""
+        if self.hours is None:
+            return 0.0
+        return driven_seconds / (3600.0 * self.hours)
+
 
 CARRIER_SPEED = "speed of a carrier, m/s; a bin cannot follow a faster one"
 

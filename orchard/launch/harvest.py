@@ -20,7 +20,7 @@ from orchard.net.endpoints import BusError
 from orchard.report.progress import Progress
 from orchard.report.summary import SUMMARY
 from orchard.sim.snapshot import KEYFRAME, SNAPSHOT, SnapshotError, as_file, store
-from orchard.terminal.exits import exit_on_errors
+from orchard.terminal.exits import exit_on_errors, needs_extra
 from orchard.terminal.files import check_writable
 from orchard.terminal.output import console, own_classes_run, print_error
 from orchard.view.files import remove_further_parts, viewer_program, window
@@ -83,13 +83,17 @@ def _request(chosen: HarvestOptions, beginning: Beginning, runs: RunFolder) -> R
 
 
 def _check_files(request: RunRequest) -> None:
-    """Raise OSError or ValueError for a summary or tables that cannot be written."""
+    """Raise OSError or ValueError for a summary or tables that cannot be written.
+
+    Raises typer.Exit for tables if what writes them is not installed.
+    """
     options = request.options
     if options.summary is not None:
         check_writable(options.summary, options.scenario, SUMMARY)
     if options.table is not None:
-        # pyarrow takes some time to load.
-        from orchard.tables.folder import check_folder
+        with needs_extra("--table", "tables"):
+            # pyarrow takes some time to load.
+            from orchard.tables.folder import check_folder
 
         # pyarrow takes no names but those of text.
         str(options.table).encode()

@@ -58,6 +58,27 @@ def test_the_export_of_roads_says_that_its_package_is_left_out(monkeypatch):
     assert "this installation lacks orchard.roads" in done.stderr
 
 
+TABLE = ("harvest", "--mode", "local", "--duration", 1, "--record", "none", "--table", "tables")
+
+
+@pytest.mark.parametrize(
+    ("missing", "told"),
+    [
+        ("pyarrow", "--table needs the package pyarrow: pip install 'orchard-sim[tables]'"),
+        ("orchard.tables", "--table: this installation lacks orchard.tables"),
+    ],
+)
+def test_tables_without_what_writes_them_are_refused(missing, told, monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(tmp_path)
+    for name in list(sys.modules):
+        if name.startswith("orchard.tables"):
+            monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, missing, None)
+    assert called(*TABLE).exit_code == 2
+    assert told in capsys.readouterr().err
+    assert not (tmp_path / "tables").exists()
+
+
 def test_a_folder_with_nothing_but_a_cache_is_no_package(monkeypatch):
     """What remains of a removed package is found by Python as a package without a file."""
     entry = catalogue.CommandEntry("tests_of_nothing.commands", "study", "")

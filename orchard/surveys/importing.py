@@ -34,50 +34,30 @@ def import_survey(path: Path, options: ImportOptions = ImportOptions()) -> Impor
     Raises ScenarioError with all that does not fit, and ModuleNotFoundError if a package of the
     extra is not installed.
     """
-    file = key_text(str(path))
-    source = Source(file, path, options)
+    source = Source(key_text(str(path)), path, options)
     _check(options)
     survey = read_survey(source)
     selection = chosen(survey.features, source)
-    problems = list(survey.problems)
-    usable = []
-    for feature in selection.features:
-        if feature.fault:
-            problems.append(Problem(file, feature.fault, f"feature {feature.name}"))
-        else:
-            usable.append(feature)
+    usable, faulty = _usable(selection.features, source)
+    problems = [*survey.problems, *faulty]
     if not usable:
-        raise ScenarioError([*problems, _too_few(file, 0)])
+        raise ScenarioError([*problems, _too_few(source.file, 0)])
     system = survey.crs if options.crs is None else options.crs
-    if not system and options.crs is None:
-        text = f"does not say its coordinate system: {options.command(file, crs='EPSG:2193')}"
-        raise ScenarioError([*problems, Problem(file, f"{text}, for example")])
-    usable = _in_order(usable, system, source)
+    if options.crs is None and not survey.crs:
+        raise ScenarioError([*problems, _no_system(source)])
+    in_order = _in_order(usable, system, source)
     try:
-        plane, on_ground = on_a_plane(usable, system)
+        plane, on_ground = on_a_plane(in_order, system)
     except ValueError as error:
-        raise ScenarioError([*problems, Problem(file, str(error))]) from None
-    notes = [*survey.notes, *selection.notes]
-    rows, notes_of_rows = _rows_of(on_ground, plane, selection, source)
-    notes += notes_of_rows
-    if not FEWEST_ROWS <= len(rows.lines) <= MOST_ROWS:
-        problems.append(_too_few(file, len(rows.lines)))
-    faults = list(faults_of_lines(rows.lines)) if rows.lines else []
-    for name, text in faults:
-        problems.append(Problem(file, text, f"feature {name}"))
+        raise ScenarioError([*problems, Problem(source.file, str(error))]) from None
+    rows, notes = _rows_of(on_ground, plane, selection, source)
+    problems += _problems_of_rows(rows, in_order, source)
     if problems:
-        hints = _hints(rows, usable, source) if faults or len(rows.lines) > MOST_ROWS else []
-        raise ScenarioError([*problems, *hints])
-    blocks = blocks_of(usable)
-    if len(blocks) > 1:
-        notes.append(
-            f"blocks {listed(list(blocks))} are one orchard with one fleet at a time; one alone:"
-            f" {source.command(block=next(iter(blocks)))}"
-        )
+        raise ScenarioError(problems)
     latitude, longitude = place_on_globe(plane)
     return Imported(
-        scenario_of(rows, plane, file),
-        notes,
+        scenario_of(rows, plane, source.file),
+        [*survey.notes, *selection.notes, *notes, *_notes_of_blocks(in_order, source)],
         latitude,
         longitude,
         math.degrees(plane.north - rows.yaw) % 180.0,
@@ -97,6 +77,24 @@ def _check(options: ImportOptions) -> None:
         problems.append(Problem("--lines", text))
     if problems:
         raise ScenarioError(problems)
+
+
+def _usable(features: Sequence[Feature], source: Source) -> tuple[list[Feature], list[Problem]]:
+    """Return the features that can be rows, and what is wrong with the others."""
+    usable = []
+    problems = []
+    for feature in features:
+        if feature.fault:
+            problems.append(Problem(source.file, feature.fault, f"feature {feature.name}"))
+        else:
+            usable.append(feature)
+    return usable, problems
+
+
+def _no_system(source: Source) -> Problem:
+    """Return that a file does not say its coordinate system, and how the user can."""
+    command = source.command(crs="EPSG:2193")
+    return Problem(source.file, f"does not say its coordinate system: {command}, for example")
 
 
 def _too_few(file: str, count: int) -> Problem:
@@ -162,6 +160,32 @@ def _between(trees: TurnedLines, notes: list[str], source: Source) -> tuple[Turn
     if source.options.lines is None:
         taken += f". If the points stand on lanes: {source.command(lines=LANES)}"
     return rows, [*notes, taken, *more]
+
+
+def _problems_of_rows(
+    rows: TurnedLines, features: Sequence[Feature], source: Source
+) -> list[Problem]:
+    """Return what is wrong with rows, and how to get an answer anyway."""
+    count = len(rows.lines)
+    problems = []
+    if not FEWEST_ROWS <= count <= MOST_ROWS:
+        problems.append(_too_few(source.file, count))
+    faults = list(faults_of_lines(rows.lines)) if rows.lines else []
+    for name, text in faults:
+        problems.append(Problem(source.file, text, f"feature {name}"))
+    if faults or count > MOST_ROWS:
+        problems += _hints(rows, features, source)
+    return problems
+
+
+def _notes_of_blocks(features: Sequence[Feature], source: Source) -> list[str]:
+    """Return that the blocks of a file are one orchard, and how to get one of them alone."""
+    blocks = blocks_of(features)
+    if len(blocks) <= 1:
+        return []
+    command = source.command(block=next(iter(blocks)))
+    fleet = f"blocks {listed(list(blocks))} are one orchard with one fleet at a time"
+    return [f"{fleet}; one alone: {command}"]
 
 
 def _hints(rows: TurnedLines, features: Sequence[Feature], source: Source) -> list[Problem]:

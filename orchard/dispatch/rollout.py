@@ -243,26 +243,40 @@ class RollOut:
         """Let a robot do what it can before others do something, or the roll-out ends."""
         robot = self.robots[number]
         begun = self.begun[number]
-        taken = self.taken
-        for at, what, place in robot.course[self.done[number] :]:
-            if begun + at > tick:
-                tick = begun + at
-                others_are_first = self.next and tick >= self.next[0][0]
-                if tick >= until or others_are_first:
+        for event in robot.course[self.done[number] :]:
+            if begun + event.tick > tick:
+                tick = begun + event.tick
+                if tick >= until or self._others_are_first(tick):
                     heappush(self.next, (tick, number))
                     return
             self.done[number] += 1
-            if what is What.RELEASE:
-                self._give_back(place, tick)
-            elif what is What.CLAIM or what is What.MEET:
-                if place in taken:
-                    taken[place].append(number)
-                    return
-                taken[place] = []
-            elif what is What.STOP:
-                self._stop(robot, tick)
-            else:
-                self._in_line(robot.line, what, tick)
+            needs_place = event.what is What.CLAIM or event.what is What.MEET
+            if not needs_place:
+                self._do(robot, event, tick)
+            elif not self._get(event.place, number):
+                return
+
+    def _others_are_first(self, tick: int) -> bool:
+        """Whether another robot does something up to a tick."""
+        return bool(self.next) and self.next[0][0] <= tick
+
+    def _get(self, place: str, number: int) -> bool:
+        """Give a place to a robot if it is free; else let the robot wait for it. Return which."""
+        waiting = self.taken.get(place)
+        if waiting is None:
+            self.taken[place] = []
+            return True
+        waiting.append(number)
+        return False
+
+    def _do(self, robot: RobotUnderWay, event: CourseEvent, tick: int) -> None:
+        """Let a robot do at a tick what needs no place."""
+        if event.what is What.RELEASE:
+            self._give_back(event.place, tick)
+        elif event.what is What.STOP:
+            self._stop(robot, tick)
+        else:
+            self._in_line(robot.line, event.what, tick)
 
     def _give_back(self, place: str, tick: int) -> None:
         """Give a place to the robot that has waited for longest.

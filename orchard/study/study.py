@@ -23,6 +23,7 @@ from orchard.study.result import (
     BreakEven,
     Check,
     Goal,
+    Interval,
     Model,
     Row,
     Standing,
@@ -502,33 +503,41 @@ def row_of(setting: Setting, records: Sequence[RunRecord], confidence: float) ->
     jammed = sum(record.ended == "jammed" for record in records)
     # If one run jams, the others would tell of lucky runs.
     harvested = [] if jammed else records
-    rates = []
-    seconds = []
-    costs = []
-    paid: dict[str, float] = {}
-    for record in harvested:
-        rates.append(shown_rate(setting, record))
-        if record.horizon == "harvest":
-            seconds.append(record.sim_seconds)
-        payments = setting.payments(record.bins_per_hour, record.counted_bins)
-        if setting.has_prices:
-            costs.append(sum(payments.values()))
-        for what, amount in payments.items():
-            paid[what] = paid.get(what, 0.0) + amount / len(harvested)
+    rates = [shown_rate(setting, record) for record in harvested]
+    seconds = [record.sim_seconds for record in harvested if record.horizon == "harvest"]
+    payments = [setting.payments(record.bins_per_hour, record.counted_bins) for record in harvested]
+    costs = [sum(amounts.values()) for amounts in payments] if setting.has_prices else []
     count = max(1, len(harvested))
     return Row(
         setting=setting.values,
         model=records[0].model,
         replications=len(records),
         jammed=jammed,
-        bins_per_hour=interval(rates, confidence) if rates else None,
-        harvest_seconds=interval(seconds, confidence) if seconds else None,
-        cost_per_bin=interval(costs, confidence) if costs else None,
+        bins_per_hour=_interval_of(rates, confidence),
+        harvest_seconds=_interval_of(seconds, confidence),
+        cost_per_bin=_interval_of(costs, confidence),
         picker_waiting_seconds=sum(record.picker_waiting_seconds for record in harvested) / count,
         carrier_utilisation=sum(record.carrier_utilisation for record in harvested) / count,
         bound_bins_per_hour=setting.limit.bins_per_hour,
         bottleneck=setting.limit.bottleneck,
         standing="jammed",
         lead=None,
-        paid={what: paid[what] for what in PAYMENTS if what in paid},
+        paid=_mean_payments(payments),
     )
+
+
+def _interval_of(values: Sequence[float], confidence: float) -> Interval | None:
+    """Return the interval of a mean; None without values."""
+    return interval(values, confidence) if values else None
+
+
+def _mean_payments(payments: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Return the mean of each payment for a bin, in the order in which they are shown.
+
+    `payments`: of each run, purpose -> amount.
+    """
+    means: dict[str, float] = {}
+    for of_run in payments:
+        for purpose, amount in of_run.items():
+            means[purpose] = means.get(purpose, 0.0) + amount / len(payments)
+    return {purpose: means[purpose] for purpose in PAYMENTS if purpose in means}

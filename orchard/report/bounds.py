@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import cache, lru_cache, partial
 from math import ceil, inf
 from statistics import fmean
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from orchard.dispatch.policies import POLICIES, dispatch_of
 from orchard.dispatch.policy import is_early, prefers_near
@@ -30,7 +30,7 @@ from orchard.plans.jobs import (
     least_headway,
     timed_steps,
 )
-from orchard.plans.route import OneWay
+from orchard.plans.route import OneWay, Side
 from orchard.plans.routes import ROUTES, route_of, way_to
 from orchard.plans.steps import Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
 
@@ -53,38 +53,40 @@ class Bounds:
     """
 
     def __init__(self, layout: Layout) -> None:
-        scenario, route, policy = layout.scenario, route_of(layout), dispatch_of(layout)
+        scenario = layout.scenario
+        policy = dispatch_of(layout)
         # The same passes come again and again.
-        self.pass_times: PassTimes = cache(partial(_seconds, route, is_early(policy)))
+        self.pass_times: PassTimes = cache(
+            partial(_times_of_pass, route_of(layout), is_early(policy))
+        )
         of_each = [_of_a_bin(layout, block, self.pass_times) for block in layout.blocks.values()]
         self.of_pickers = dict(zip(layout.blocks, of_each, strict=True))
-        # The means: as if each delivered as many bins.
-        picking, crossing, wait, cycle, row_end, charging = map(fmean, zip(*of_each, strict=True))
-        self.picking_seconds = picking  # T, to pick what fills a bin
-        self.crossing_seconds = crossing  # t_x, to leave a full bin and to go on
-        # Of t_x, what a bin costs because it fills inside a row: exchanged there it would cost
-        # nothing.
-        self.row_end_seconds = row_end
-        self.wait_seconds = (
-            wait  # w, from the full bin to an empty one, if a carrier is free at once
-        )
-        self.bin_seconds = picking + crossing + wait  # of a picker's time
-        self.cycle_seconds = cycle  # C, from the queue's head around the orchard and back
+        # As if each picker delivered as many bins.
+        means = BinTimes(*map(fmean, zip(*of_each, strict=True)))
+        self.picking_seconds = means.picking
+        self.crossing_seconds = means.crossing
+        self.row_end_seconds = means.row_end
+        self.wait_seconds = means.waiting
+        # Of a picker's time.
+        self.bin_seconds = means.picking + means.crossing + means.waiting
+        self.cycle_seconds = means.cycle
         carrier = layout.machines["carrier"]
         # t_bay, for which one carrier occupies the bay. The next one then moves up into it.
         moving_up = least_headway(carrier) / carrier.speed
         self.bay_seconds = Unload().ticks(carrier) * TIME_STEP + moving_up
-        busy = cycle + charging
-        charged = charging
+        busy = means.cycle + means.charging
+        charged = means.charging
         if prefers_near(policy):
-            busy = _mean_of_near(seconds[3] + seconds[5] for seconds in of_each)
-            charged = _mean_of_near(seconds[5] for seconds in of_each)
+            busy = _mean_of_near(times.cycle + times.charging for times in of_each)
+            charged = _mean_of_near(times.charging for times in of_each)
         self.terms = {
-            # Each at its own rate.
-            "pickers": sum(1.0 / sum(seconds[:3]) for seconds in of_each),
+            # Each at its own rate: picking, crossing and waiting.
+            "pickers": sum(1.0 / sum(times[:3]) for times in of_each),
             "carriers": scenario.carrier_count / busy,
             "unloading": 1.0 / self.bay_seconds,
-        } | ({"chargers": scenario.chargers / charged} if charging else {})
+        }
+        if means.charging:
+            self.terms["chargers"] = scenario.chargers / charged
         trailers = scenario.load_out.trailers
         if trailers.count is not None and trailers.bins is not None:
             # Each is away, and bins are put on it one after another.
@@ -125,15 +127,31 @@ def _mean_of_near(work: Iterable[float]) -> float:
     return least
 
 
-# Of a pass through a row and the next one: the times that `_seconds` returns.
-PassTimes = Callable[[Pass, Pass], tuple[float, ...]]
+class BinTimes(NamedTuple):
+    """Mean times of a bin without traffic, or the times of one pass through a row, s."""
+
+    #: T: to pick what fills the bin.
+    picking: float
+    #: t_x: the picker leaves a full bin and goes on, beside the wait.
+    crossing: float
+    #: w: from the full bin to an empty one, if a carrier is free at once.
+    waiting: float
+    #: C: the carrier drives from the queue's head around the orchard and back.
+    cycle: float
+    #: Of t_x, what a bin costs because it fills inside a row: exchanged at the row's end it would
+    #: cost nothing.
+    row_end: float
+    #: The carrier charges what a cycle takes out of its battery.
+    charging: float
 
 
-def _of_a_bin(layout: Layout, block: Block, times_of: PassTimes) -> list[float]:
-    """Return the mean times of a picker's bin without traffic, s: the sums of what `_seconds`
-    returns.
+# Of a pass through a row and the next one.
+PassTimes = Callable[[Pass, Pass], BinTimes]
 
-    A part-full last bin does not count.
+
+def _of_a_bin(layout: Layout, block: Block, times_of: PassTimes) -> BinTimes:
+    """Return the mean times of a picker's bin without traffic. A part-full last bin does not
+    count.
     """
     metres = sum(layout.lane(row).length for row in block.rows)
     repeats = ceil(FULL_BINS * (layout.scenario.bin_metres or 0.0) / (ROUNDS * metres)) or 1
@@ -143,7 +161,7 @@ def _of_a_bin(layout: Layout, block: Block, times_of: PassTimes) -> list[float]:
     bins = sum(current.is_full for current in passes)
     following = (*passes[1:], passes[0])
     times = [times_of(current, after) for current, after in zip(passes, following, strict=True)]
-    return [sum(seconds) / bins for seconds in zip(*times, strict=True)]
+    return BinTimes(*(sum(seconds) / bins for seconds in zip(*times, strict=True)))
 
 
 def plan_of_pass(route: OneWay, current: Pass, after: Pass) -> list[TimedStep]:
@@ -158,54 +176,66 @@ def plan_of_pass(route: OneWay, current: Pass, after: Pass) -> list[TimedStep]:
     return list(timed_steps(steps, start, route.layout.machines["picker"]))
 
 
-def _seconds(
-    route: OneWay, early: bool, one: Pass, after: Pass
-) -> tuple[float, float, float, float, float, float]:
-    """The same times of one pass through a row."""
-    layout, side, lane = route.layout, route.sides[one.end], route.layout.lane(one.row)
-    way = plan_of_pass(route, one, after)
-    start = way[0].pose
-    driving, picking = one.metres / lane.picking_speed, layout.picking_seconds(one.row, one.metres)
-    all_of_it = way[-1].ends - driving
-    row_end = (
-        (lane.length - one.metres) / layout.machines["picker"].speed
-        if one.ends_row
-        else all_of_it - _handling(way)
-    )
-    if not one.leaves_bin:
-        return picking, all_of_it, 0.0, 0.0, row_end, 0.0
-    fetch = route.fetch(1, one.row, side, "", "")
+def _times_of_pass(route: OneWay, leaves_early: bool, current: Pass, after: Pass) -> BinTimes:
+    """Return the times of one pass through a row, and of the exchange at its end, if any.
+
+    `leaves_early`: a carrier leaves before the bin is full.
+    """
+    layout = route.layout
+    lane = layout.lane(current.row)
+    plan = plan_of_pass(route, current, after)
+    # The plan has this drive in place of picking.
+    driving = current.metres / lane.picking_speed
+    picking = layout.picking_seconds(current.row, current.metres)
+    beside_picking = plan[-1].ends - driving
+    if current.ends_row:
+        row_end = (lane.length - current.metres) / layout.machines["picker"].speed
+    else:
+        row_end = beside_picking - _handling(plan)
+    if not current.leaves_bin:
+        return BinTimes(picking, beside_picking, 0.0, 0.0, row_end, 0.0)
+    side = route.sides[current.end]
+    fetch = route.fetch(1, current.row, side, "", "")
     job = list(timed_steps(fetch, route.queue.place(0), layout.machines["carrier"]))
-    approach = way_to(route, one.row, side)[1]
-    leaving = next(moment.ends for moment in way if isinstance(moment.step, LeaveBin)) - driving
-    coming_out = begin_of(FetchEmpty, way) - driving - leaving
-    # an early carrier leaves when the picker drives into the row, or later, and holds before the
-    # lane's place until the picker has come out
-    entering = (
-        abs((route.west if side is route.east else route.east).x(route.WAITING) - start.x)
-        / layout.machines["picker"].speed
-    )
-    coming, stop = (
-        approach - (entering + picking + leaving if early else 0.0),
-        begin_of(Deliver, job),
-    )
-    hold = _claimed(job, side.place("D", one.row), stop)
-    wait = max(coming, coming_out + stop - hold) + handover_seconds(layout)
+    leaving = next(timed.ends for timed in plan if isinstance(timed.step, LeaveBin)) - driving
+    coming_out = begin_of(FetchEmpty, plan) - driving - leaving
+    coming = way_to(route, current.row, side)[1]
+    if leaves_early:
+        # It leaves when the picker drives into the row, or later.
+        coming -= _way_in_seconds(route, side, plan[0].pose.x) + picking + leaving
+    # The carrier waits before the lane's place until the picker has come out.
+    stop = begin_of(Deliver, job)
+    stop_line = _claimed(job, side.place("D", current.row), stop)
+    waiting = max(coming, coming_out + stop - stop_line) + handover_seconds(layout)
+    cycle, charging = _cycle_and_charging(layout, job)
+    return BinTimes(picking, beside_picking - coming_out, waiting, cycle, row_end, charging)
+
+
+def _way_in_seconds(route: OneWay, side: Side, x: float) -> float:
+    """Return how long a picker drives from where it waits on the other side to an end of a row.
+
+    `side`: that of the row's end at which the bin is exchanged. `x`: of the other end, m.
+    """
+    opposite = route.west if side is route.east else route.east
+    return abs(opposite.x(route.WAITING) - x) / route.layout.machines["picker"].speed
+
+
+def _cycle_and_charging(layout: Layout, job: Sequence[TimedStep]) -> tuple[float, float]:
+    """Return how long a carrier is busy with a job, with its mean repairs, and for how long it
+    charges afterwards, s.
+    """
     driven = 0.0
-    for moment in job:
-        if isinstance(moment.step, DriveTo) and not moment.step.queueing:
-            driven += moment.ends - moment.begins
+    for timed in job:
+        if isinstance(timed.step, DriveTo) and not timed.step.queueing:
+            driven += timed.ends - timed.begins
     carrying = layout.scenario.carrying
     battery = carrying.battery
     repairs = carrying.failure.share * driven
-    cycle, stands = job[-1].ends + repairs, _handling(job) + repairs
-    stands += layout.machines["carrier"].haul_standing_ticks * TIME_STEP
-    charging = (
-        battery.hours_to_charge
-        * (cycle - stands + battery.standing * stands)
-        / (battery.hours or inf)
-    )
-    return picking, all_of_it - coming_out, wait, cycle, row_end, charging
+    cycle = job[-1].ends + repairs
+    standing = _handling(job) + repairs
+    standing += layout.machines["carrier"].haul_standing_ticks * TIME_STEP
+    used = cycle - standing + battery.standing * standing
+    return cycle, battery.hours_to_charge * used / (battery.hours or inf)
 
 
 def _claimed(job: Sequence[TimedStep], place: str, never: float) -> float:
@@ -250,7 +280,8 @@ def schedule_seconds(layout: Layout) -> float:
 
 def _ideal(layout: Layout) -> Layout:
     """Return the layout without all that disturbs, and with rules that the fast model knows."""
-    scenario, route = layout.scenario, route_of(layout)
+    scenario = layout.scenario
+    route = route_of(layout)
     dispatch = scenario.dispatch if scenario.dispatch in POLICIES else NEAREST
     known_route = route.QUEUE if route.Steps else scenario.route
     return lay_out(
@@ -333,10 +364,8 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
     ideal = _ideal(layout)
     # On free roads a carrier may stop before its picker is out of its way, and be faster than is
     # proven.
-    schedule = max(
-        _seconds_on_free_roads(with_endless_batteries(ideal) if has_batteries else ideal),
-        proven or 0.0,
-    )
+    uncharged_ideal = with_endless_batteries(ideal) if has_batteries else ideal
+    schedule = max(_seconds_on_free_roads(uncharged_ideal), proven or 0.0)
     own = seconds
     if alone != scenario:
         own = _length_alone(lay_out(alone), seconds)
@@ -344,13 +373,12 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
     if has_batteries:
         endless = with_endless_batteries(lay_out(alone))
         uncharged = _length_alone(endless, own)
-    parts = (
-        {"schedule": schedule}
-        if proven is None
-        else {"optimum": proven, "dispatch": schedule - proven}
-    )
-    parts |= {"traffic": uncharged - schedule} | (
-        {"charging": own - uncharged} if has_batteries else {}
-    )
-    parts |= {"people_and_animals": seconds - own}
+    if proven is None:
+        parts = {"schedule": schedule}
+    else:
+        parts = {"optimum": proven, "dispatch": schedule - proven}
+    parts["traffic"] = uncharged - schedule
+    if has_batteries:
+        parts["charging"] = own - uncharged
+    parts["people_and_animals"] = seconds - own
     return {name: round(part, 1) for name, part in parts.items()}

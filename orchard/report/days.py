@@ -73,6 +73,6 @@ def work_days(scenario: Scenario, bounds: Bounds) -> WorkDays | None:
     """
     if not scenario.shift.is_set:
         return None
-    longest_job = max(times[3] for times in bounds.of_pickers.values())
+    longest_job = max(times.cycle for times in bounds.of_pickers.values())
     most = scenario.shift.work_seconds / 2.0
     return WorkDays(scenario.shift, min(longest_job, most))

@@ -214,14 +214,14 @@ class _LongRun:
             busy = (exchange.carrier_ticks or 0.0) * TIME_STEP
             run.add(0.0, busy + charging, charging)
             run.exchange(exchange.tick * TIME_STEP)
-        picking, crossing, wait, cycle, _, charging = self.limit.of_pickers[name]
+        limit = self.limit.of_pickers[name]
         share = _ratio(whole, plan.exchanged, run.exchanged)
         carriers = _ratio(whole, run.carriers, plan.carriers)
-        chargers = _ratio(whole, run.chargers, plan.chargers) if charging else 0.0
+        chargers = _ratio(whole, run.chargers, plan.chargers) if limit.charging else 0.0
         return _PickerFigures(
-            rate=share / (picking + crossing + wait),
-            carrier_seconds=carriers * (cycle + charging),
-            charger_seconds=chargers * charging,
+            rate=share / (limit.picking + limit.crossing + limit.waiting),
+            carrier_seconds=carriers * (limit.cycle + limit.charging),
+            charger_seconds=chargers * limit.charging,
         )
 
     def _measured(self, name: str) -> list[Exchange]:
@@ -258,8 +258,12 @@ class _LongRun:
         number = 0
         for current, after in pairwise((*passes, passes[0])):
             if number >= first:
-                picking, crossing, wait, cycle, _, charging = self.bounds.pass_times(current, after)
-                plan.add(picking + crossing + wait, cycle + charging, charging)
+                times = self.bounds.pass_times(current, after)
+                plan.add(
+                    seconds=times.picking + times.crossing + times.waiting,
+                    carrier_seconds=times.cycle + times.charging,
+                    charger_seconds=times.charging,
+                )
             if current.leaves_bin:
                 if number >= first:
                     plan.exchange(-_going_on(route, current, after))

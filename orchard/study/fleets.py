@@ -62,11 +62,12 @@ class _Crew:
         fruit = full_bins(layout)
         seconds = {name: fruit / rate for name, rate in bounds.terms.items()}
         for name, block in layout.blocks.items():
-            picking, crossing, wait = bounds.of_pickers[name][:3]
+            times = bounds.of_pickers[name]
             metres = sum(layout.lane(row).length for row in block.rows)
             bins = metres / (self.scenario.bin_metres or metres / len(block.rows))
             # After the last bin it need not go on.
-            alone = bins * (picking + crossing + wait) - crossing - wait
+            of_a_bin = times.picking + times.crossing + times.waiting
+            alone = bins * of_a_bin - times.crossing - times.waiting
             seconds["pickers"] = max(seconds["pickers"], alone)
         return seconds
 

@@ -234,8 +234,7 @@ def test_the_rate_of_a_long_run_is_not_cut_at_the_limit():
 
 def with_slow_carriers(times):
     """Return the times of `Bounds` with twice as long a round of a carrier."""
-    picking, crossing, wait, cycle, row_end, charging = times
-    return picking, crossing, wait, 2.0 * cycle, row_end, charging
+    return times._replace(cycle=2.0 * times.cycle)
 
 
 def test_a_battery_that_never_runs_down_costs_nothing():

@@ -11,9 +11,12 @@ from orchard.app.draft import Draft
 from orchard.app.elements import mark_wrong, note
 from orchard.app.entries import MEASURES, Entry
 from orchard.app.typed_numbers import number_of, shown
+from orchard.app.typed_times import breaks_shown
 
 # Significant digits of a number that the program works out.
 FIGURES = 4
+# How a field for a text looks.
+TEXT = "dense outlined autocomplete=off input-class=figure"
 # JavaScript of a field for a number: who comes into it replaces the number. A click comes after
 # the focus, and would drop what is selected.
 SELECT_ON_FOCUS = "(event) => { event.target.select(); event.target.dataset.fresh = 1 }"
@@ -56,6 +59,8 @@ class Control:
             return self._build_switch()
         if self.entry.choices:
             return self._build_choice()
+        if self.entry.kind not in (int, float):
+            return self._build_text()
         return self._build_number()
 
     def _build_switch(self) -> ui.switch:
@@ -66,6 +71,10 @@ class Control:
         choice = ui.select([*self.entry.choices], on_change=self._entered)
         return choice.classes("grow").props("dense outlined options-dense")
 
+    def _build_text(self) -> ui.input:
+        """Add a field for a text, such as a time of day."""
+        return ui.input(on_change=self._typed).classes("grow").props(TEXT)
+
     def _build_number(self) -> ui.input:
         """Add a text field; with a slider before it, if the range is known."""
         if self.entry.has_slider:
@@ -74,7 +83,7 @@ class Control:
         text.on("focus", js_handler=SELECT_ON_FOCUS)
         text.on("click", js_handler=SELECT_ON_FIRST_CLICK)
         text.classes("grow" if self._slider is None else "number")
-        return text.props("dense outlined autocomplete=off inputmode=decimal input-class=figure")
+        return text.props(f"{TEXT} inputmode=decimal")
 
     def _build_slider(self) -> ui.slider:
         entry = self.entry
@@ -108,8 +117,10 @@ class Control:
             self._value.set_value(value is True)
         elif entry.kind in (int, float):
             self._value.set_value("" if value is None else shown(entry.to_page(value)))
+        elif entry.kind is tuple:
+            self._value.set_value(breaks_shown(value))
         else:
-            self._value.set_value(value)
+            self._value.set_value(value or "")
 
     def show_chosen(self, number: float) -> None:
         """Show the number that the program has worked out, if the user leaves it to it."""

@@ -6,7 +6,7 @@ from typing import Any
 
 from orchard.app.entries import MEASURES, entries, flat, label_of, words_of
 from orchard.app.own_classes import AGENTS, CHOICES
-from orchard.app.typed_numbers import advice_on, meanings_of, number_of
+from orchard.app.typed_numbers import advice_on, meanings_of
 from orchard.behaviour.catalogue import check_plugins
 from orchard.field.layout import lay_out
 from orchard.field.problems import Problem, ScenarioError
@@ -91,7 +91,7 @@ class Draft:
 
         Raises KeyError if there is no such entry.
         """
-        typed = {path: _typed(path, value) for path, value in values.items()}
+        typed = {path: entries()[path].typed(value) for path, value in values.items()}
         replaced: dict[str, Any] = {}
         for path, value in typed.items():
             if value is not None:
@@ -150,7 +150,8 @@ class Draft:
 
     def _is_accepted(self, path: str, text: str) -> bool:
         """Whether nothing is wrong with an entry by itself, if this is typed there."""
-        value = entries()[path].from_page(_typed(path, text))
+        entry = entries()[path]
+        value = entry.from_page(entry.typed(text))
         try:
             with_changes(self._base, **self.values | {path: value})
         except ScenarioError as error:
@@ -179,7 +180,7 @@ class Draft:
         messages: dict[str, str] = {}
         for problem in problems:
             text = self._words_of(problem)
-            for path in problem.path.split(", "):
+            for path in map(_entry_of, problem.path.split(", ")):
                 messages[path] = f"{messages[path]}; {text}" if path in messages else text
         return messages
 
@@ -192,7 +193,7 @@ class Draft:
         if len(paths) > 1:
             about = ", ".join(f"{label_of(path)} = {self._shown(path)}" for path in paths)
             return f"{about}: {_by_labels(problem.text, paths)}"
-        entry = entries().get(problem.path)
+        entry = entries().get(_entry_of(problem.path))
         if entry is None:
             return f"{problem.what}: {problem.text}"
         is_of_survey = self._base.survey is not None and problem.path in MEASURES
@@ -208,18 +209,20 @@ class Draft:
         return words_of(path, self.values[path]) if path in self.values else "set"
 
 
+def _entry_of(path: str) -> str:
+    """Return the path of the entry that a value is a part of: shift.breaks of shift.breaks.0.1.
+
+    Without such an entry it is the path itself.
+    """
+    whole = path
+    while whole and whole not in entries():
+        whole = whole.rpartition(".")[0]
+    return whole or path
+
+
 def counted_fields(number: int) -> str:
     """Return the subject of a sentence on fields: "1 field has", "2 fields have"."""
     return "1 field has" if number == 1 else f"{number} fields have"
-
-
-def _typed(path: str, value: Any) -> Any:
-    """Return what a text means at an entry: a number, if it is one; else the text."""
-    if isinstance(value, str):
-        value = number_of(value)
-    if entries()[path].kind is int and isinstance(value, float) and value.is_integer():
-        return int(value)
-    return value
 
 
 def _by_labels(text: str, paths: Sequence[str]) -> str:

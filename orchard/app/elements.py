@@ -51,6 +51,10 @@ class StartAndStop:
         self._start = button(words, start, actions[0], "play_arrow", "unelevated")
         self._stop = button("Stop", commands.stop, actions[1], "stop", "unelevated color=negative")
 
+    def name(self, words: str) -> None:
+        """Give the button that starts a command other words."""
+        self._start.set_text(words)
+
     def update(self, is_right: bool) -> None:
         """Show the button that fits. `is_right`: whether what is entered can be started."""
         going = self._commands.going

@@ -5,19 +5,20 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, reduce
 from math import floor, inf, log10
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from orchard.app.own_classes import AGENTS
-from orchard.app.typed_numbers import shown
+from orchard.app.typed_numbers import number_of, shown
+from orchard.app.typed_times import breaks_of, breaks_shown, time_of
 from orchard.field.scenario import Scenario
 from orchard.field.survey import row_width_of, spacing_of
 from orchard.study.words import none_words
 
 # These come from a file, and are not entered on the page.
-FROM_FILE = (*AGENTS, "survey", "shift", "picker_rates")
+FROM_FILE = (*AGENTS, "survey", "picker_rates")
 # Sections with names that belong to the labels of their values.
 NEEDED = ("laser", "odometry")
 # Labels of values for which the words of the file are too short for a reader of the page.
@@ -56,6 +57,11 @@ LABELS = {
     "load_out.seconds_away": "Time away in all",
     "load_out.trailers.count": "Trailers at the bay",
     "load_out.trailers.bins": "Bins on a trailer",
+    "shift.begin": "Work begins",
+    "shift.end": "Work ends",
+    "prices.picker_per_bin": "Piece rate of a bin",
+    "prices.picker_least_per_day": "Least a picker gets a day",
+    "prices.carrier_per_day": "Rent of a carrier",
     "sensors.gnss.white": "GNSS error of a tick",
     "sensors.gnss.bias": "GNSS error, slow",
     "sensors.gnss.bias_time": "GNSS correlation time",
@@ -69,6 +75,18 @@ UNITS = {
     "prices.carrier_per_hour": "an hour",
     "prices.overhead_per_hour": "an hour",
     "prices.per_bin": "each",
+    "prices.picker_per_bin": "each",
+    "prices.picker_least_per_day": "a day",
+    "prices.carrier_per_day": "a day",
+    "shift.begin": "such as 7:00",
+    "shift.end": "such as 16:30",
+    "shift.breaks": "such as 12:00-12:45",
+}
+# What must be entered at a value that is no number, in words of the page.
+WANTED = {
+    "shift.begin": "must be a time of day such as 7:00",
+    "shift.end": "must be a time of day such as 16:30",
+    "shift.breaks": "must be begin and end of each break, such as 10:00-10:15, 12:00-12:45",
 }
 
 
@@ -95,7 +113,8 @@ class Entry:
     """A value that a user can set.
 
     `path`: dotted path in the scenario file. `words`: its description, with the unit. `kind`: int,
-    float, bool, or str; a str is one of `choices`, or a class of the user's that a file names.
+    float, bool, str, or tuple for pairs of times; a str is one of `choices`, or a class of the
+    user's that a file names; without choices it is a time of day.
     `optional`: whether None is allowed, with which the program chooses the value. `low`, `high`:
     limits, both included, in the measure of the page.
     """
@@ -160,16 +179,48 @@ class Entry:
 
     @property
     def wanted(self) -> str:
-        """What a number must be, in words: 'must be a number from 20 to 400 m'; '' for no number.
+        """What a value must be, in words: 'must be a number from 20 to 400 m'; '' for a choice.
 
         Limits are written with all their digits.
         """
+        if self.path in WANTED:
+            return WANTED[self.path] + self._or_none
         if self.kind not in (int, float):
             return ""
         noun = "a whole number" if self.kind is int else "a number"
         span = "" if self.low == -inf else f" from {shown(self.low)} to {shown(self.high)}"
-        none = f", or tick “{self.none}”" if self.optional else ""
-        return f"must be {noun}{span} {self.unit}".rstrip() + none
+        return f"must be {noun}{span} {self.unit}".rstrip() + self._or_none
+
+    @property
+    def _or_none(self) -> str:
+        """What may be entered in place of a value, to append to what a value must be."""
+        if not self.optional:
+            return ""
+        return f", or tick “{self.none}”"
+
+    @property
+    def is_time(self) -> bool:
+        """Whether it is a time of day."""
+        return self.kind is str and not self.choices
+
+    def typed(self, entered: Any) -> Any:
+        """Return what a text means here: a number, a time or breaks, if it is one; else the text.
+
+        What is no text stays.
+        """
+        if not isinstance(entered, str):
+            return self._whole(entered)
+        if self.kind is tuple:
+            return breaks_of(entered)
+        if self.is_time:
+            return time_of(entered)
+        return self._whole(number_of(entered))
+
+    def _whole(self, number: Any) -> Any:
+        """Return a whole number as an int, where one is wanted. All else stays."""
+        if self.kind is int and isinstance(number, float) and number.is_integer():
+            return int(number)
+        return number
 
     def to_page(self, value: Any) -> Any:
         """Return a value of the scenario in the measure of the page. What is no number stays."""
@@ -221,6 +272,7 @@ def _section_of(field: FieldInfo) -> type[BaseModel] | None:
 def _entry_of(path: str, field: FieldInfo) -> Entry:
     """Return the entry for a value of the scenario."""
     kinds = _kinds_of(field)
+    is_list = get_origin(field.annotation) is tuple
     limits = {type(limit).__name__: limit for limit in field.metadata}
     low = limits["Ge"].ge if "Ge" in limits else -inf
     high = limits["Le"].le if "Le" in limits else inf
@@ -233,7 +285,7 @@ def _entry_of(path: str, field: FieldInfo) -> Entry:
     return Entry(
         path=path,
         words=words,
-        kind=kinds[0],
+        kind=tuple if is_list else kinds[0],
         optional=type(None) in kinds,
         low=low,
         high=high,
@@ -250,6 +302,8 @@ def words_of(path: str, value: Any) -> str:
     """Return a value of an entry as words for a person."""
     if value is None:
         return entries()[path].none
+    if isinstance(value, list | tuple):
+        return breaks_shown(value) or "none"
     if isinstance(value, str):
         return value
     if isinstance(value, bool):

@@ -32,6 +32,14 @@ GROUPS = {
         "prices.overhead_per_hour",
         "prices.per_bin",
     ),
+    "The day": (
+        "shift.begin",
+        "shift.end",
+        "shift.breaks",
+        "prices.picker_per_bin",
+        "prices.picker_least_per_day",
+        "prices.carrier_per_day",
+    ),
 }
 # Groups that are folded away.
 FOR_EXPERTS = {

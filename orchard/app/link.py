@@ -8,6 +8,7 @@ from urllib.parse import urlencode
 from orchard.app.draft import Draft
 from orchard.app.entries import entries, flat
 from orchard.app.typed_numbers import shown
+from orchard.app.typed_times import breaks_shown
 from orchard.field.problems import printable
 from orchard.field.scenario import Scenario
 
@@ -37,6 +38,8 @@ def _text_of(value: Any) -> str:
         return value
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, tuple):
+        return breaks_shown(value)
     return shown(value)
 
 

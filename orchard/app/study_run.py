@@ -2,16 +2,26 @@
 
 import sys
 from dataclasses import dataclass
+from typing import Literal
 
 import msgspec
 
 from orchard.app.command import Files, Latest, PageCommand
-from orchard.app.typed_numbers import number_problem, with_point
+from orchard.app.typed_numbers import number_of, number_problem, span, with_point
 from orchard.field.scenario import Scenario
+from orchard.study.deadline import MOST_DAYS, MOST_DEADLINE
 from orchard.study.result import Horizon, StudyResult
 
-# Limits, both included: s of wall time.
+# Limits, both included: s of wall time, hours of work, days.
 BUDGET = (1, 86_400)
+HOURS = (0.1, MOST_DEADLINE / 3600.0)
+DAYS = (1, MOST_DAYS)
+# What the fields are called.
+BUDGET_LABEL = "Time to take, s"
+DEADLINE_LABEL = "Done within"
+ONLY_FLEETS = "it compares people and carriers, and no policies or routes: leave these out"
+WHOLE_DAYS = f"must be a whole number of days from {span(DAYS)}"
+NO_DAY = "days need a working day: enter when work begins and ends, or ask by hours of work"
 
 
 @dataclass(frozen=True)
@@ -19,32 +29,78 @@ class StudySettings:
     """What a study compares beside numbers of carriers, as a user entered it.
 
     `dispatch`, `route`: the rules to compare; without any, the one of the scenario. `budget`: s of
-    wall time.
+    wall time. `deadline`: by when the harvest must be done, in `deadline_unit`: hours of work, or
+    days; '' for no deadline. With a deadline the numbers of pickers and carriers are compared.
     """
 
     dispatch: tuple[str, ...] = ()
     route: tuple[str, ...] = ()
     horizon: Horizon = "long"
     budget: str = "300"
+    deadline: str = ""
+    deadline_unit: Literal["h", "d"] = "h"
+
+    @property
+    def has_deadline(self) -> bool:
+        """Whether the harvest must be done by some time."""
+        return bool(self.deadline.strip())
 
     @property
     def problem(self) -> str:
-        """What is wrong with the budget; '' if nothing is."""
-        return number_problem(self.budget, BUDGET)
+        """What is wrong, by the field's label; '' if nothing is."""
+        problem = number_problem(self.budget, BUDGET)
+        if problem:
+            return f"{BUDGET_LABEL}: {problem}"
+        if not self.has_deadline:
+            return ""
+        problem = self._problem_of_deadline()
+        return f"{DEADLINE_LABEL}: {problem}" if problem else ""
+
+    def problem_with(self, scenario: Scenario) -> str:
+        """Return what is wrong, by itself or with the scenario that is asked; '' if nothing is."""
+        if self.has_deadline and self.deadline_unit == "d" and not scenario.shift.is_set:
+            return f"{DEADLINE_LABEL}: {NO_DAY}"
+        return self.problem
+
+    def _problem_of_deadline(self) -> str:
+        if self.dispatch or self.route:
+            return ONLY_FLEETS
+        if self.deadline_unit == "h":
+            return number_problem(self.deadline, HOURS, " hours")
+        if not isinstance(number_of(self.deadline), int):
+            return WHOLE_DAYS
+        return number_problem(self.deadline, DAYS, " days")
 
 
 def study_command(settings: StudySettings, files: Files) -> list[str]:
     """Return the command that a user would type for a study."""
     line = [sys.executable, "-u", "-P", "-m", "orchard", "study", str(files.scenario)]
     line += ["--vary", "carriers"]
+    if settings.has_deadline:
+        line += ["--vary", "pickers", *_deadline_option(settings)]
+    else:
+        line += _rules_options(settings)
+    line += ["--budget", f"{with_point(settings.budget)}s"]
+    line += ["--progress", "json", "--summary", str(files.summary)]
+    return line
+
+
+def _deadline_option(settings: StudySettings) -> list[str]:
+    """Return the option that says by when the harvest must be done."""
+    number = with_point(settings.deadline)
+    if settings.deadline_unit == "d":
+        return ["--finish-by", f"{number}d"]
+    return ["--finish-within", f"{number}h"]
+
+
+def _rules_options(settings: StudySettings) -> list[str]:
+    """Return the options that say what is compared beside carriers, and for how long."""
+    line = []
     if settings.dispatch:
         line += ["--vary", f"dispatch={','.join(settings.dispatch)}"]
     if settings.route:
         line += ["--vary", f"route={','.join(settings.route)}"]
-    line += ["--horizon", settings.horizon]
-    line += ["--budget", f"{with_point(settings.budget)}s"]
-    line += ["--progress", "json", "--summary", str(files.summary)]
-    return line
+    return [*line, "--horizon", settings.horizon]
 
 
 class StudyRun(PageCommand):

@@ -12,7 +12,7 @@ from orchard.app.command import STATE_COLOURS
 from orchard.app.desks import Desk
 from orchard.app.elements import StartAndStop, button, heading, note, several, table
 from orchard.app.own_classes import CHOICES
-from orchard.app.study_run import Studies, StudyRun
+from orchard.app.study_run import BUDGET_LABEL, DEADLINE_LABEL, Studies, StudyRun
 from orchard.field.scenario import Scenario, check, with_changes
 from orchard.study.result import StudyResult
 from orchard.study.table import legend, words
@@ -23,10 +23,16 @@ REDRAW_SECONDS = 1.0
 #: Sets the form to a scenario, under a name.
 Take = Callable[[Scenario, str], Awaitable[None]]
 HOW_MANY = "How many carriers?"
+WHICH_FLEET = "Which fleet?"
 HINT = (
     "Tries numbers of carriers with your rows, people and prices, as many as it takes, and tells"
     " how many are worth it. The answer grows while you look."
 )
+HINT_OF_FLEETS = (
+    "Tries numbers of people and carriers together, and tells which of them are done in time at"
+    " the least cost; without prices, with the fewest. The answer grows while you look."
+)
+UNITS = {"h": "hours of work", "d": "days"}
 HORIZONS = {"long": "the long run", "harvest": "one harvest"}
 # Characters of the part of an answer that is shown large.
 LONGEST_HEADLINE = 60
@@ -58,7 +64,8 @@ class StudyView:
                     studies, self._fields, HOW_MANY, self._start, ("study-start", "study-stop")
                 )
                 self._badge = ui.badge().props("data-view=study-state")
-                ui.label(HINT).classes("study-hint")
+                self._build_deadline()
+                self._hint = ui.label(HINT).classes("study-hint")
             self._trouble = note("data-problem=study role=alert")
             with ui.element("div").props("data-view=answer role=status"):
                 self._headline = note("", "answer-headline")
@@ -81,22 +88,51 @@ class StudyView:
         self._choice("Dispatch policies", "dispatch")
         self._choice("Routes", "route")
         with self._labelled("Horizon"):
-            horizon = ui.toggle(
+            self._horizon = ui.toggle(
                 HORIZONS,
                 value=self._settings.horizon,
                 on_change=lambda event: self._enter(horizon=event.value),
             )
-            horizon.props("dense no-caps unelevated data-field=horizon")
-        with self._labelled("Time to take, s"):
+            self._horizon.props("dense no-caps unelevated data-field=horizon")
+        with self._labelled(BUDGET_LABEL):
             text = ui.input(
                 value=self._settings.budget,
                 on_change=lambda event: self._enter(budget=event.value or ""),
             ).classes("number")
             text.props(
                 "dense outlined autocomplete=off inputmode=decimal data-field=study-budget"
-                ' aria-label="Time to take, s"'
+                f' aria-label="{BUDGET_LABEL}"'
             )
             text.props("input-class=figure")
+
+    def _build_deadline(self) -> None:
+        """Add the field for the time by which the harvest must be done."""
+        box = self._labelled(DEADLINE_LABEL)
+        with box, ui.element("div").classes("field-body"):
+            text = ui.input(
+                value=self._settings.deadline,
+                placeholder="any time",
+                on_change=self._deadline_typed,
+            ).classes("number")
+            text.props(
+                "dense outlined autocomplete=off inputmode=decimal data-field=study-deadline"
+                f' aria-label="{DEADLINE_LABEL}" input-class=figure'
+            )
+            unit = ui.toggle(
+                UNITS,
+                value=self._settings.deadline_unit,
+                on_change=self._deadline_unit_chosen,
+            )
+            unit.props("dense no-caps unelevated data-field=study-deadline-unit")
+
+    def _deadline_typed(self, event: ValueChangeEventArguments[Any]) -> None:
+        """Take the text of the deadline."""
+        # A cleared field is no text.
+        self._enter(deadline=event.value or "")
+
+    def _deadline_unit_chosen(self, event: ValueChangeEventArguments[Any]) -> None:
+        """Take whether the deadline is in hours of work or in days."""
+        self._enter(deadline_unit=event.value)
 
     def _labelled(self, name: str) -> ui.element:
         """Add a field with a label. Return its box."""
@@ -121,8 +157,16 @@ class StudyView:
         """Take what a user has changed, and tell what is wrong with it."""
         self._settings = replace(self._settings, **settings)
         self._desk.study = self._settings
-        problem = self._settings.problem
-        self._trouble.set_text(f"Time to take, s: {problem}" if problem else "")
+        self._trouble.set_text(self._settings.problem)
+        has_deadline = self._settings.has_deadline
+        if has_deadline:
+            self._buttons.name(WHICH_FLEET)
+            self._hint.set_text(HINT_OF_FLEETS)
+        else:
+            self._buttons.name(HOW_MANY)
+            self._hint.set_text(HINT)
+        # A deadline is that of one harvest.
+        self._horizon.set_enabled(not has_deadline)
         self._update_buttons()
 
     def _start(self) -> None:
@@ -133,8 +177,11 @@ class StudyView:
         """Start the study. Return why it was not started; '' if it was."""
         scenario = self._drafted()
         settings = self._settings
-        if scenario is None or settings.problem:
+        if scenario is None:
             return "The form has an invalid value"
+        problem = settings.problem_with(scenario)
+        if problem:
+            return problem
         try:
             self._studies.start(partial(StudyRun, scenario, settings))
         except (OSError, RuntimeError) as error:
@@ -184,7 +231,7 @@ class StudyView:
         if self._shown == (study, result, is_over):
             return
         self._shown = study, result, is_over
-        headline, rest = answer_in_two(result.answer)
+        headline, rest = answer_in_two(result.answer, ", " if result.deadline else ": ")
         self._headline.set_text(headline)
         self._answer.set_text(rest)
         self._notes.set_text("\n".join(result.notes))
@@ -224,13 +271,15 @@ class StudyView:
             ui.label(legend(result)).classes("path")
 
 
-def answer_in_two(answer: str) -> tuple[str, str]:
+def answer_in_two(answer: str, end: str = ": ") -> tuple[str, str]:
     """Return the first words of an answer, which are shown large, and the rest of it.
+
+    `end`: what stands after the first words.
 
     >>> answer_in_two("3 carriers: 11.27 bins an hour; one more gains less than 2 %.")
     ('3 carriers', '11.27 bins an hour; one more gains less than 2 %.')
     """
-    headline, colon, rest = answer.partition(": ")
+    headline, colon, rest = answer.partition(end)
     if not colon or len(headline) > LONGEST_HEADLINE:
         return "", answer
     return headline, rest

@@ -14,7 +14,7 @@ from typer import Argument, BadParameter
 from orchard.field.problems import Problem
 from orchard.field.scenario import ROLLING
 from orchard.report.summary import SUMMARY
-from orchard.study.deadline import Deadline
+from orchard.study.deadline import LEAST_DEADLINE, MOST_DAYS, MOST_DEADLINE, Deadline
 from orchard.study.kinds_of_files import PICTURE, REPORT, TABLE
 from orchard.study.result import Goal, Horizon, Models
 from orchard.terminal.files import KindOfFile
@@ -25,9 +25,6 @@ LEAST_CONFIDENCE, MOST_CONFIDENCE = 0.5, 0.9999
 BUDGET_UNITS = {"min": 60.0, "h": 3600.0, "s": 1.0}
 LEAST_BUDGET = 1.0  # s
 MOST_WORKERS = 1000
-LEAST_DEADLINE = 60.0  # s
-MOST_DEADLINE = 3.6e7  # s
-MOST_DAYS = 1000
 QUESTION, RUNS, FILES = "The question", "The runs", "What it shows and writes"
 
 # -- parsers; all of them raise BadParameter

@@ -5,6 +5,10 @@ from dataclasses import dataclass
 
 from orchard.study.settings import Setting
 
+# Limits of a deadline, both included: s of work, and days of the shift.
+LEAST_DEADLINE = 60.0
+MOST_DEADLINE = 3.6e7
+MOST_DAYS = 1000
 # Replications at least and at most, by which a fleet is said to be in time.
 FEWEST = 20
 MOST = 80

@@ -178,10 +178,11 @@ def value_words(value: object, key: str = "") -> str:
 
 
 def none_words(description: str) -> str:
-    """Return the words for no value that a description gives, as after `null: never`; else
-    'automatic'.
+    """Return the words for no value that a description gives.
+
+    They end a sentence of it, as after `null: never` or `null: no days`; else they are 'automatic'.
     """
-    meaning = re.search(r"null: (\w+)$", description)
+    meaning = re.search(r"null: ((?:no )?\w+)(?:\.|$)", description)
     return meaning.group(1) if meaning else "automatic"
 
 

@@ -394,3 +394,23 @@ def test_a_study_is_asked_grows_answers_and_leads_to_a_run(browser):
     assert (
         "with predictive" in page.view("answer").text and "long run" not in page.view("answer").text
     )
+
+
+def test_a_deadline_is_entered_and_the_fleet_is_told(browser):
+    page = browser
+    for path, value in {"rows": 3, **EMPTY}.items():
+        page.fill(path, value)
+    page.until(lambda: page.tree_lines() == 4, "a plan of 3 rows")
+    page.fill("study-deadline", "soon")
+    page.until(lambda: "Done within: must be" in page.problem("study"), "what is wrong")
+    assert not page.one("[data-action=study-start]").is_enabled()
+    page.fill("study-deadline", "1")
+    page.until(lambda: page.problem("study") == "", "a deadline")
+    assert page.one("[data-action=study-start]").text.endswith("Which fleet?")
+    assert violations(page) == []
+    page.press("study-start")
+    state(page, "finished")
+    answer = page.view("answer").text
+    assert "finish in 0:" in answer and "within 1 h of work" in answer
+    assert violations(page) == []
+    page.fill("study-deadline", "")

@@ -366,19 +366,21 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
     # proven.
     uncharged_ideal = with_endless_batteries(ideal) if has_batteries else ideal
     schedule = max(_seconds_on_free_roads(uncharged_ideal), proven or 0.0)
-    own = seconds
-    if alone != scenario:
-        own = _length_alone(lay_out(alone), seconds)
-    uncharged = own
+    modelled = seconds
+    if has_batteries or alone != scenario:
+        modelled = _length_alone(lay_out(alone), seconds)
+    own = modelled if alone != scenario else seconds
+    charging = 0.0
     if has_batteries:
+        # Both are lengths of one model: what it is off by is nothing that batteries cost.
         endless = with_endless_batteries(lay_out(alone))
-        uncharged = _length_alone(endless, own)
+        charging = modelled - _length_alone(endless, modelled)
     if proven is None:
         parts = {"schedule": schedule}
     else:
         parts = {"optimum": proven, "dispatch": schedule - proven}
-    parts["traffic"] = uncharged - schedule
+    parts["traffic"] = own - charging - schedule
     if has_batteries:
-        parts["charging"] = own - uncharged
+        parts["charging"] = charging
     parts["people_and_animals"] = seconds - own
     return {name: round(part, 1) for name, part in parts.items()}

@@ -237,7 +237,9 @@ def with_slow_carriers(times):
     return times._replace(cycle=2.0 * times.cycle)
 
 
-def test_a_battery_that_never_runs_down_costs_nothing():
+@pytest.mark.parametrize("beside_the_model", [0.0, 0.1, 5.0])
+def test_a_battery_that_never_runs_down_costs_nothing(beside_the_model):
+    """Also if the harvest took longer than the event model says."""
     battery = {"hours": 200.0, "hours_to_charge": 0.5, "reserve": 0.0}
     layout = lay_out(
         empty_orchard(
@@ -250,7 +252,7 @@ def test_a_battery_that_never_runs_down_costs_nothing():
             carrying={"battery": battery},
         )
     )
-    seconds = DiscreteHarvest(layout).run().seconds
+    seconds = DiscreteHarvest(layout).run().seconds + beside_the_model
     lost = lost_seconds(layout, seconds)
     assert lost["charging"] == 0.0
     assert lost["traffic"] >= 0.0

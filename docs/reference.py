@@ -372,10 +372,11 @@ def _work() -> str:
    bin is empty, and counts as delivered. The bay works on one bin at a time. The carrier takes the
    empty bin back to its line of the queue. With a `load_out` it is away from there: it stands for
    itself in its line, takes no calls, and uses its battery as on the ways. With trailers it is not:
-   the bay works only while one of them stands there.
+   the bay works only while one of them stands there. With `load_out.empty_bins` it works only
+   while one of these stands there: full bins wait for the truck, or are on trailers.
 6. The harvest is over when every row is picked, no bin is full, the carriers stand in the queue
    with their bins and face east, carriers and trailers are back from the load-out, and the
-   pickers stand.
+   pickers stand. Full bins may wait for the truck.
 
 Physics alone decides what counts: motion, coupling, picking, unloading, and the end of a weed."""
     return _section("The work", text)

@@ -46,6 +46,7 @@ FIXED: Mapping[str, str] = {
     **dict.fromkeys(_OF_THE_ROWS, _ROWS),
     "sensors": _COURSES,
     "load_out.trailers": "bins stand on the trailers that there are",
+    "load_out.empty_bins": "all these bins are at the bay, or on trailers from there",
 }
 # What cannot become null, nor get a value if it was null.
 NULL_OR_NOT = (

@@ -204,7 +204,7 @@ ROBOT = np.dtype(
         # Whether it has no job, once it is back from the load-out: the tick at which it is or was.
         ("is_free", np.bool_),
         ("back", np.int64),
-        # Ticks by which it hears later that its bin is empty, because it waited for a trailer.
+        # Ticks by which it hears later that its bin is empty, because it waited in the bay.
         ("hears_later", np.int64),
         ("is_ready", np.bool_),
         ("is_booked", np.bool_),
@@ -452,6 +452,14 @@ DESK = np.dtype(
         # The bins with which a trailer leaves the bay, and the ticks for which it is away then.
         ("trailer_bins", np.int64),
         ("trailer_ticks", np.int64),
+        # The ticks from one truck at the bay to the next one, 0: none comes; the bins that it
+        # takes; how many have come; the full bins that waited there when the last bin did.
+        ("truck_ticks", np.int64),
+        ("truck_bins", np.int64),
+        ("trucks", np.int64),
+        ("waiting_bins", np.int64),
+        # The bins that belong to the bay; NONE: there are always empty ones.
+        ("bay_bins", np.int64),
         # m: the other sides of the queue.
         ("queue_west", np.float64),
         ("queue_south", np.float64),
@@ -482,8 +490,9 @@ ENCOUNTER = np.dtype([("metres", np.float64), ("ticks", np.int64)])
 # For how many ticks it stands before a turn, without a bin on its bar and with one.
 LOOK = np.dtype([("ticks", np.int64), ("ticks_towing", np.int64)])
 
-# The bins on a trailer, and the tick at which it is or was back.
-TRAILER = np.dtype([("bins", np.int64), ("back", np.int64)])
+# The bins on a trailer at the bay, the tick at which it is or was back, and the bins that it took
+# then.
+TRAILER = np.dtype([("bins", np.int64), ("back", np.int64), ("taken", np.int64)])
 
 EXCHANGE = np.dtype(
     [

@@ -249,11 +249,14 @@ class EventHarvest:
 
     @property
     def drives(self) -> bool:
-        """Whether a robot is on its way, charges, or is at the load-out: the harvest goes on."""
+        """Whether a robot is on its way, charges, is at the load-out, or waits in the bay until
+        that takes its bin: the harvest goes on.
+        """
         robots = self.model.robots
         is_any_away = np.any(c.QUARTERS * robots.back >= self.model.desk[0].now)
         is_any_away |= np.any(c.QUARTERS * self.model.trailers.back >= self.model.desk[0].now)
-        return bool(robots.is_charging.any() or np.any(robots.state == c.DRIVING) or is_any_away)
+        is_any_away |= np.any((robots.state == c.DRIVING) | (robots.state == c.LASTING))
+        return bool(robots.is_charging.any() or is_any_away)
 
     @property
     def done(self) -> int:

@@ -198,5 +198,8 @@ def _desk(layout: Layout, program: Program) -> Any:
     desk.haul_charge = haul_charge(scenario, layout.machines["carrier"])
     desk.trailer_bins = scenario.load_out.trailers.bins or 0
     desk.trailer_ticks = layout.machines["carrier"].trailer_ticks
+    desk.truck_ticks = layout.machines["carrier"].truck_ticks
+    desk.truck_bins = scenario.load_out.truck.bins or 0
+    desk.bay_bins = scenario.load_out.empty_bins or c.NONE
     desk.free_chargers = max(1, scenario.chargers)
     return desk

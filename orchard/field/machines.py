@@ -36,6 +36,8 @@ class Machine:
     haul_standing_ticks: int
     #: Ticks for which a trailer that leaves the bay is away; 0 without trailers.
     trailer_ticks: int
+    #: Ticks from one truck at the bay to the next one; 0: none comes.
+    truck_ticks: int
 
     @property
     def haul_ticks(self) -> int:
@@ -87,7 +89,8 @@ def machine_of(scenario: Scenario, kind: str) -> Machine:
         unloading_ticks=_ticks(handling.unloading),
         haul_driving_ticks=driving if of_carriers else 0,
         haul_standing_ticks=standing if of_carriers else 0,
-        trailer_ticks=driving + standing if load_out.has_trailers else 0,
+        trailer_ticks=max(1, driving + standing) if load_out.has_trailers else 0,
+        truck_ticks=_ticks(load_out.truck.every or 0.0),
     )
 
 

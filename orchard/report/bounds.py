@@ -87,11 +87,7 @@ class Bounds:
         }
         if means.charging:
             self.terms["chargers"] = scenario.chargers / charged
-        trailers = scenario.load_out.trailers
-        if trailers.count is not None and trailers.bins is not None:
-            # Each is away, and bins are put on it one after another.
-            ticks = carrier.trailer_ticks + trailers.bins * carrier.unloading_ticks
-            self.terms["trailers"] = trailers.count * trailers.bins / (ticks * TIME_STEP)
+        self.terms |= _terms_of_load_out(layout)
 
     @property
     def row_end_share(self) -> float:
@@ -107,6 +103,28 @@ class Bounds:
     def bins_per_hour(self) -> float:
         """The bins per hour that all parts allow together, without traffic: the least of them."""
         return 3600.0 * min(self.terms.values())
+
+
+def _terms_of_load_out(layout: Layout) -> dict[str, float]:
+    """Return the bins/s that trailers, or the truck, allow in the long run, by their names."""
+    load_out = layout.scenario.load_out
+    carrier = layout.machines["carrier"]
+    terms = {}
+    if load_out.trailers.count is not None and load_out.trailers.bins is not None:
+        bins = load_out.trailers.bins
+        # The trailers that can be away together, and the bins that can be put on a further one
+        # meanwhile: those that the bay still has.
+        away = load_out.trailers.count
+        early = 0
+        if load_out.empty_bins is not None and load_out.empty_bins < away * bins:
+            away = load_out.empty_bins // bins
+            early = load_out.empty_bins % bins
+        # Bins are put on a trailer one after another.
+        ticks = carrier.trailer_ticks + (bins - early) * carrier.unloading_ticks
+        terms["trailers"] = away * bins / (ticks * TIME_STEP)
+    if load_out.truck.bins is not None:
+        terms["truck"] = load_out.truck.bins / (carrier.truck_ticks * TIME_STEP)
+    return terms
 
 
 def _mean_of_near(work: Iterable[float]) -> float:

@@ -199,6 +199,7 @@ class _LongRun:
             chargers / max(1, scenario.chargers),
             rate * closest,
             rate / self.limit.terms.get("trailers", inf),
+            rate / self.limit.terms.get("truck", inf),
         ]
         return rate / max(1.0, *excess)
 

@@ -18,7 +18,7 @@ from orchard.field.scenario import TIME_STEP
 from orchard.report.bounds import Bounds, schedule_seconds
 from orchard.report.days import work_days
 from orchard.report.limits import delivered_full_bins
-from orchard.sim import hauls
+from orchard.sim import hauls, physics
 from orchard.sim.state_times import StateTimes
 from orchard.sim.world import World
 
@@ -42,6 +42,7 @@ class HarvestFigures:
     busy_ticks: int = 0  # of these, outside the queue, or away at the load-out
     charging_ticks: int = 0  # of all carriers
     flat_ticks: int = 0
+    bay_waiting_ticks: int = 0  # in which a full bin stood in the bay, which did not take it
     weeds_flattened: int = 0
     #: Agent -> tick at which it first was broken.
     broken: dict[str, int] = field(default_factory=dict)
@@ -74,6 +75,7 @@ class HarvestFigures:
         if world.layout.first_charging:
             self.charging_ticks += int(np.count_nonzero(world.plugged))
             self.flat_ticks += int(np.count_nonzero(world.charge <= 0.0))
+        self.bay_waiting_ticks += physics.keeps_a_bin_waiting(world)
         self.watch(world, answers)
 
     def watch(self, world: World, answers: Mapping[str, Action | None]) -> None:
@@ -203,6 +205,7 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
         "carrier_utilisation": _ratio(figures.busy_ticks, figures.carrier_ticks),
         "charging_seconds": round(figures.charging_ticks * TIME_STEP, 1),
         "flat_seconds": round(figures.flat_ticks * TIME_STEP, 1),
+        "bay_waiting_seconds": round(figures.bay_waiting_ticks * TIME_STEP, 1),
         "orders_refused": figures.orders_refused,
         "broken_agents": [f"{name}, since tick {tick}" for name, tick in figures.broken.items()],
         "distance_metres": _distances(world),

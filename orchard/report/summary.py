@@ -37,6 +37,9 @@ UNITS = {
     "stopped_seconds": "s",
     "charging_seconds": "s, of all carriers together",
     "flat_seconds": "s, in which carriers stood with a flat battery, all together",
+    "bay_waiting_seconds": (
+        "s, in which a full bin stood in the bay, and no trailer or no empty bin was there"
+    ),
     "recording_gaps": "s, which no recording shows",
 }
 # Shown if they are not zero.
@@ -44,6 +47,7 @@ UNUSUAL = (
     "stopped_seconds",
     "charging_seconds",
     "flat_seconds",
+    "bay_waiting_seconds",
     "row_end_seconds",
     "row_end_share",
     "orders_refused",

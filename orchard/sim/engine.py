@@ -367,6 +367,8 @@ def next_digest(
         arrays.append(world.hauling)
     if world.layout.machines["carrier"].trailer_ticks:
         arrays.append(world.trailers)
+    if world.layout.machines["carrier"].truck_ticks:
+        arrays.append(np.array([world.waiting_bins], dtype=np.int64))
     for array in arrays:
         sha.update(np.ascontiguousarray(array, dtype=_LITTLE[array.dtype.char]).data)
     for name in sorted(mail_digests):

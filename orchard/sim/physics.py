@@ -12,7 +12,7 @@ from orchard.contract.events import Event
 from orchard.contract.messages import Deed
 from orchard.field.geometry import EAST, angle_between
 from orchard.field.kinds import kind_of
-from orchard.sim import batteries, hauls, trailers
+from orchard.sim import batteries, hauls, stock, trailers
 from orchard.sim.deeds import do_deeds
 from orchard.sim.kernels.jit import in_order
 from orchard.sim.kernels.move import advance
@@ -57,6 +57,7 @@ def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> lis
     """
     if world.layout.first_charging:
         twists, deeds = batteries.without_flat(world, twists, deeds)
+    stock.advance(world)
     events: list[Event] = []
     if deeds:
         allowed = np.where(world.stopped[:, None], 0.0, twists)
@@ -139,7 +140,7 @@ def _unload(world: World) -> list[Event]:
     begun = [i for i in waiting if world.bay_ticks[i] > 0]
     ticks = int(world.bay_ticks[begun[0]]) if begun else 0
     world.bay_ticks[:] = 0
-    if not waiting or not trailers.is_any_there(world):
+    if not waiting or not _takes_bins(world):
         return []
     bin_ = (begun or waiting)[0]
     world.bay_ticks[bin_] = ticks + 1
@@ -152,8 +153,14 @@ def _unload(world: World) -> list[Event]:
     name = world.layout.names[bin_]
     hauls.begin(world, int(world.coupled[bin_]))
     trailers.take(world, is_last=_is_all_unloaded(world))
+    stock.take(world)
     carrier = world.layout.names[int(world.coupled[bin_])]
     return [Event(world.tick, "unloaded", name, carrier, f"bin number {world.delivered}")]
+
+
+def _takes_bins(world: World) -> bool:
+    """Whether the bay unloads bins: it has an empty one to give, and a trailer if it needs one."""
+    return trailers.is_any_there(world) and stock.is_any_there(world)
 
 
 def _rests_in_bay(world: World, bin_: int) -> bool:
@@ -172,6 +179,13 @@ def _rests_in_bay(world: World, bin_: int) -> bool:
 def is_at_rest(world: World, i: int) -> bool:
     """Whether body i did not move in the last step."""
     return not world.twist[i].any()
+
+
+def keeps_a_bin_waiting(world: World) -> bool:
+    """Whether a full bin stands in the bay, which does not take it."""
+    if _takes_bins(world):
+        return False
+    return any(_rests_in_bay(world, bin_) for bin_ in world.full.nonzero()[0].tolist())
 
 
 def harvest_is_over(world: World) -> bool:

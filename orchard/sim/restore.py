@@ -67,6 +67,7 @@ def _faults(world: World) -> Iterator[str]:
     west, south = world.layout.walls[:, :2].min(axis=0)
     east, north = world.layout.walls[:, :2].max(axis=0)
     x, y, yaw = world.pose.T
+    load_out = world.layout.scenario.load_out
     spans: dict[str, tuple[Any, float, Any]] = {
         "tick": (world.tick, 0, LAST_TICK),
         "pose": (x, west, east),
@@ -79,6 +80,7 @@ def _faults(world: World) -> Iterator[str]:
         "bay_ticks": (world.bay_ticks, 0, LAST_TICK),
         "hauling": (world.hauling, 0, world.layout.machines["carrier"].haul_ticks),
         "trailers": (world.trailers, 0, LAST_TICK),
+        "waiting_bins": (world.waiting_bins, 0, load_out.empty_bins or 0),
         "delivered": (world.delivered, 0, LAST_TICK),
         "delivered_metres": (world.delivered_metres, 0.0, FURTHEST),
         "distance": (world.distance, 0.0, FURTHEST),

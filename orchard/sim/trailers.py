@@ -21,6 +21,7 @@ def take(world: World, is_last: bool) -> None:
     there = (world.trailers[:, 1] <= world.tick).nonzero()[0]
     trailer = max(there.tolist(), key=lambda number: int(world.trailers[number, 0]))
     world.trailers[trailer, 0] += 1
+    bins = int(world.trailers[trailer, 0])
     load_out = world.layout.scenario.load_out
-    if is_last or world.trailers[trailer, 0] == load_out.trailers.bins:
-        world.trailers[trailer] = 0, world.tick + machine.trailer_ticks
+    if is_last or bins == load_out.trailers.bins:
+        world.trailers[trailer] = 0, world.tick + machine.trailer_ticks, bins

@@ -198,10 +198,12 @@ class World:
         self.bay_ticks = np.zeros(n, dtype=np.int64)
         # Of carriers that have unloaded: ticks for which they will still be away at the load-out.
         self.hauling = np.zeros(n, dtype=np.int64)
-        # Of each trailer at the bay, the bins on it, and the tick at which it is or was back; see
-        # trailers.py. Without trailers there is one that nobody uses.
+        # Of each trailer: the bins on it at the bay, the tick at which it is or was back, and the
+        # bins that it took then; see trailers.py. Without trailers there is one that nobody uses.
         load_out = layout.scenario.load_out
-        self.trailers = np.zeros((load_out.trailers.count or 1, 2), dtype=np.int64)
+        self.trailers = np.zeros((load_out.trailers.count or 1, 3), dtype=np.int64)
+        # Full bins at the bay that wait for the truck; see stock.py.
+        self.waiting_bins = 0
         # Bins unloaded, and the metres that were in them.
         self.delivered = 0
         self.delivered_metres = 0.0

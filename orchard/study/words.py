@@ -99,6 +99,13 @@ def _load_out_words(scenario: Scenario) -> dict[str, str]:
     if trailers.count is not None and trailers.bins is not None:
         words["load_out.trailers.count"] = counted("trailers", trailers.count)
         words["load_out.trailers.bins"] = f"{counted('bins', trailers.bins)} on each"
+    truck = scenario.load_out.truck
+    if truck.every is not None and truck.bins is not None:
+        words["load_out.truck.every"] = f"a truck every {truck.every:g} s"
+        words["load_out.truck.bins"] = f"{counted('bins', truck.bins)} on it"
+    empty_bins = scenario.load_out.empty_bins
+    if empty_bins is not None:
+        words["load_out.empty_bins"] = f"{counted('empty bins', empty_bins)} at the bay"
     return words
 
 

@@ -156,6 +156,7 @@ _OF_SUMMARY: dict[pa.DataType, tuple[str, ...]] = {
         "carrier_utilisation",
         "charging_seconds",
         "flat_seconds",
+        "bay_waiting_seconds",
         "asked_share",
         "wall_seconds",
         "times_real_time",

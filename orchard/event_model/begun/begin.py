@@ -4,6 +4,7 @@ import numpy as np
 
 from orchard.event_model import columns as c
 from orchard.event_model.begun.batteries import BatteriesOfCarriers
+from orchard.event_model.begun.bay import take_over_bay
 from orchard.event_model.begun.calls import CallsOfBins
 from orchard.event_model.begun.claims import Claims
 from orchard.event_model.begun.lines import LinesOfRobots
@@ -24,13 +25,12 @@ def begin_at(moment: RunMoment) -> EventHarvest:
     layout = world.layout
     if world.is_any_stopped:
         raise NotInPlanError("an emergency stop holds a robot")
-    if layout.scenario.load_out.has_trailers:
-        raise NotImplementedError("the event model does not go on with trailers that are in use")
     if layout.scenario.route not in ROUTES:
         raise NotImplementedError("the event model does not go on with a route of your own")
     harvest = EventHarvest(layout)
     if moment.tick == 0:
         return harvest
+    take_over_bay(moment, harvest)
     claims = Claims(moment)
     robots = Robots(moment, harvest, claims)
     harvest.take_program()

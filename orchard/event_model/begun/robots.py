@@ -7,17 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from orchard.contract.messages import Yes
+from orchard.contract.messages import BinState, StateRequest, Yes
 from orchard.event_model import columns as c
 from orchard.event_model.begun.claims import Claims
 from orchard.event_model.begun.moment import RunMoment
 from orchard.event_model.harvest import EventHarvest
+from orchard.event_model.kernel.bay import later, taken_from
 from orchard.event_model.kernel.roads import NEAR
+from orchard.event_model.plain import as_python
 from orchard.event_model.program import Program
 from orchard.field.geometry import HEADINGS, Pose, angle_between
 from orchard.field.kinds import kind_of
 from orchard.field.queue import BESIDE
 from orchard.field.scenario import TIME_STEP
+from orchard.field.ticks import BIN_FOLLOWS
 from orchard.plans import steps as st
 from orchard.plans.robot import ASK, PATIENCE, Step
 from orchard.sim.world import NONE
@@ -91,6 +94,7 @@ class Robots:
     def __init__(self, moment: RunMoment, harvest: EventHarvest, claims: Claims) -> None:
         self.moment = moment
         self._claims = claims
+        self._harvest = harvest
         self.tick = moment.tick
         self.layout = moment.world.layout
         self.program = harvest.program
@@ -415,14 +419,33 @@ class Robots:
         return place in me.memory.reserved or self._claims.is_waiting_for(me.name, place)
 
     def _unload(self, me: Doing) -> None:
-        """Wait until the bin is empty; or, if it is, until the carrier hears of that."""
-        emptied = me.memory.since + int(self.ops.ticks[me.op])
+        """Wait until the bay takes the bin, and it is empty; or, if it is, until the carrier hears
+        of that.
+        """
         body = self._coupled[self.layout.index[me.name]]
-        if body != NONE and self._full[body]:
-            self._last(me, emptied)
-        else:
+        if body == NONE or not self._full[body]:
             me.op += 1
-            self._last(me, emptied + int(self.ops.ticks[me.op]))
+            self._last(me, self._hears_of_empty(me.name, self.layout.names[body]))
+            return
+        rests = me.memory.since + BIN_FOLLOWS
+        unloaded = int(self.moment.world.bay_ticks[body])
+        if unloaded:
+            taken = self.tick - unloaded
+        else:
+            taken = as_python(taken_from)(self._harvest.model, max(self.tick, rests))
+        ticks = int(self.ops.ticks[me.op])
+        me.more["hears_later"] = as_python(later)(ticks, taken - rests)
+        self._last(me, taken - BIN_FOLLOWS + ticks)
+
+    def _hears_of_empty(self, carrier: str, bin_name: str) -> int:
+        """Return the tick at which a carrier hears that its bin is empty."""
+        for sender, answer in self.moment.answers(carrier):
+            if sender == bin_name and isinstance(answer, BinState) and not answer.full:
+                return self.tick
+        asked = self._memory(carrier).asked[f"{StateRequest.__name__} {bin_name}"]
+        # A bin that has heard an earlier question was full then.
+        is_heard = asked < self.tick - 1
+        return int(asked + ASK + PATIENCE * is_heard)
 
     def _await_charge(self, me: Doing) -> None:
         """Stand until the battery is full; or, if it is, until the carrier sees that."""

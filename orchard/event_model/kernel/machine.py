@@ -51,6 +51,7 @@ from orchard.event_model.kernel.batteries import (
     may_charge,
     park,
 )
+from orchard.event_model.kernel.bay import take_over, unload
 from orchard.event_model.kernel.calls import (
     asks_python,
     asks_ways,
@@ -93,7 +94,6 @@ from orchard.event_model.kernel.handling import (
 from orchard.event_model.kernel.motion import set_alarm
 from orchard.event_model.kernel.places import free_places, hear_claims, hear_grant, tick_of
 from orchard.event_model.kernel.roads import last_to_wake
-from orchard.event_model.kernel.trailers import load_trailer, unload
 
 # Notes in the log, at most, of what a robot begins in one tick.
 MOST_NOTES = 64
@@ -306,7 +306,7 @@ def end_lasting(m, robot):
         me.swings_since = c.NEVER
     elif kind == c.UNLOAD:
         deliver(m)
-        load_trailer(m)
+        take_over(m)
     return True
 
 

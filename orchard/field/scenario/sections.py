@@ -264,11 +264,42 @@ class Trailers(Section):
         return self
 
 
+TRUCK_EVERY = (
+    "time from one truck to the next, s; the first one comes after this time; null: no truck comes"
+)
+TRUCK_BINS = "number of full bins that a truck takes from the bay at most; null: as every"
+
+
+class Truck(Section):
+    """A truck that comes to the bay again and again: it takes full bins, and leaves as many empty
+    ones.
+    """
+
+    every: Annotated[
+        float | None, Field(ge=60.0, le=86400.0, description=TRUCK_EVERY), CIRCUMSTANCE
+    ] = None
+    bins: Annotated[int | None, Field(ge=1, le=200, description=TRUCK_BINS), CIRCUMSTANCE] = None
+
+    @model_validator(mode="after")
+    def _both_or_neither(self) -> "Truck":
+        """Check that it is known when it comes, and for how many bins."""
+        self._demand(
+            (self.every is None) == (self.bins is None), "must be set together", "every", "bins"
+        )
+        return self
+
+
+EMPTY_BINS = (
+    "number of empty bins at the bay when the harvest begins, beside those of pickers and carriers;"
+    " a trailer or the truck brings as many back as it took; null: there are always some"
+)
+
+
 class LoadOut(Section):
     """Where full bins go from the bay: a carrier that has unloaded there is away for a time.
 
     Either the way and the speed, or the time; neither: a carrier that has unloaded is home. With
-    trailers it is them that are away.
+    trailers it is them that are away. With a truck none is away.
     """
 
     metres: Annotated[
@@ -287,6 +318,10 @@ class LoadOut(Section):
     trailers: Annotated[
         Trailers, Field(description="trailers that take bins from the bay to the load-out")
     ] = Trailers()
+    truck: Annotated[
+        Truck, Field(description="truck that fetches full bins from the bay, and brings empty ones")
+    ] = Truck()
+    empty_bins: Annotated[int | None, Field(ge=1, le=400, description=EMPTY_BINS), CHOICE] = None
 
     @property
     def is_given(self) -> bool:
@@ -297,6 +332,11 @@ class LoadOut(Section):
     def has_trailers(self) -> bool:
         """Whether trailers take the bins to the load-out."""
         return self.trailers.count is not None
+
+    @property
+    def has_truck(self) -> bool:
+        """Whether a truck fetches the bins from the bay."""
+        return self.truck.every is not None
 
     @property
     def is_of_carriers(self) -> bool:
@@ -339,6 +379,40 @@ class LoadOut(Section):
             "trailers.count",
             "metres",
         )
+        return self
+
+    @model_validator(mode="after")
+    def _empty_bins_come_back(self) -> "LoadOut":
+        """Check that empty bins come back if they can run out, and that what brings them fills."""
+        self._demand(
+            not self.has_truck or not self.is_given,
+            "at most one of both can be set: a truck fetches the bins from the bay, or carriers or"
+            " trailers take them to a load-out",
+            "truck.every",
+            "metres" if self.seconds_away is None else "seconds_away",
+        )
+        self._demand(
+            not self.has_truck or self.empty_bins is not None,
+            "has no effect while there are always empty bins: set how many stand at the bay",
+            "truck.every",
+            "empty_bins",
+        )
+        if self.empty_bins is None:
+            return self
+        self._demand(
+            self.has_truck or self.has_trailers,
+            "run out, and none comes back: set truck.every and truck.bins, or trailers",
+            "empty_bins",
+            "truck.every",
+            "trailers.count",
+        )
+        for key, bins in (("truck.bins", self.truck.bins), ("trailers.bins", self.trailers.bins)):
+            self._demand(
+                bins is None or bins <= self.empty_bins,
+                "never fills: must be at most empty_bins, all bins that stand at the bay",
+                key,
+                "empty_bins",
+            )
         return self
 
 

@@ -1,0 +1,41 @@
+"""The empty bins at the bay: for a full bin a carrier gets one of them.
+
+They can run out. A trailer, or the truck, brings as many back as it has taken full ones, so as many
+bins belong to the bay at all times: the empty ones, the full ones that wait there, and those on
+trailers.
+"""
+
+from math import inf
+
+from orchard.sim.world import World
+
+
+def empty_bins(world: World) -> float:
+    """Return the number of empty bins at the bay; infinity if they cannot run out."""
+    load_out = world.layout.scenario.load_out
+    if load_out.empty_bins is None:
+        return inf
+    at_bay, back, taken = world.trailers.T
+    under_way = int(taken[back > world.tick].sum())
+    return load_out.empty_bins - world.waiting_bins - int(at_bay.sum()) - under_way
+
+
+def is_any_there(world: World) -> bool:
+    """Whether an empty bin stands at the bay."""
+    return empty_bins(world) > 0
+
+
+def take(world: World) -> None:
+    """Take a full bin that was just unloaded, if it waits at the bay for the truck."""
+    if world.layout.machines["carrier"].truck_ticks:
+        world.waiting_bins += 1
+
+
+def advance(world: World) -> None:
+    """Let the truck come, if it is time for it."""
+    every = world.layout.machines["carrier"].truck_ticks
+    if not every or world.tick == 0 or world.tick % every:
+        return
+    truck = world.layout.scenario.load_out.truck
+    assert truck.bins is not None
+    world.waiting_bins = max(0, world.waiting_bins - truck.bins)

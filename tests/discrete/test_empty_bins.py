@@ -1,0 +1,253 @@
+"""Empty bins that run out at the bay, and come back with trailers or with a truck, in the simulator
+and in the event model alike.
+"""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from random import Random
+from typing import Any, NamedTuple
+
+import pytest
+from local_runs import start_afresh
+from quiet import NOBODY, laid_out
+
+from orchard.discrete.harvest import DiscreteHarvest
+from orchard.event_model.begun.begin import begin_at
+from orchard.event_model.begun.moment import RunMoment
+from orchard.field.layout import Layout, lay_out
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import Scenario, parse
+from orchard.local import Local
+from orchard.report.bounds import Bounds
+from orchard.report.metrics import HarvestFigures, harvest_figures
+from orchard.sim import stock
+from orchard.study.words import orchard_words
+
+SMALL: dict[str, Any] = NOBODY | {
+    "rows": 6,
+    "pickers": 2,
+    "carriers": 3,
+    "row_length": 24.0,
+    "dispatch": "nearest",
+}
+TRUCK = {"truck": {"every": 300.0, "bins": 2}, "empty_bins": 2}
+TRAILERS = {"seconds_away": 150.0, "trailers": {"count": 2, "bins": 2}, "empty_bins": 3}
+
+
+def with_load_out(load_out: dict[str, Any], **values: Any) -> Layout:
+    return lay_out(Scenario.model_validate(SMALL | values | {"load_out": load_out}))
+
+
+class Harvest(NamedTuple):
+    """A harvest of the simulator that is done."""
+
+    run: Local
+    # At which bins were unloaded.
+    ticks: list[int]
+    # For which the bay did not take a bin that stood there.
+    bay_waiting_seconds: float
+
+
+def harvested(layout: Layout) -> Harvest:
+    """Return the harvest of a layout. There are never less empty bins than none."""
+    run = Local(layout.scenario, is_hashed=False)
+    figures = HarvestFigures()
+    ticks = []
+    while not run.ended:
+        events = run.tick()
+        ticks += [event.tick for event in events if event.what == "unloaded"]
+        figures.update(run.engine.world, events, run.engine.answers)
+        assert stock.empty_bins(run.engine.world) >= 0
+    assert run.ended == "harvested", run.jam
+    waited = harvest_figures(run.engine.world, figures)["bay_waiting_seconds"]
+    return Harvest(run, ticks, waited)
+
+
+def modelled(layout: Layout) -> list[float]:
+    """Return when bins are unloaded in the event model, s, and when its harvest is over."""
+    harvest = DiscreteHarvest(layout).run()
+    assert harvest.is_over
+    return [*harvest.deliveries, harvest.seconds]
+
+
+# -- both models
+
+
+def stocks(seed: int, count: int) -> Iterator[Layout]:
+    """Yield small orchards whose empty bins can run out, drawn at random."""
+    chances = Random(f"empty bins {seed}")
+
+    def drawn() -> dict[str, Any]:
+        bins = chances.randint(1, 3)
+        load_out: dict[str, Any] = {"empty_bins": bins + chances.randint(0, 3)}
+        if chances.random() < 0.5:
+            load_out["truck"] = {"every": float(chances.randint(60, 500)), "bins": bins}
+        else:
+            load_out["seconds_away"] = float(chances.randint(0, 400))
+            load_out["trailers"] = {"count": chances.randint(1, 3), "bins": bins}
+        return NOBODY | {
+            "rows": chances.randint(4, 6),
+            "row_length": float(chances.randint(20, 30)),
+            "pickers": chances.randint(2, 3),
+            "carriers": chances.randint(1, 6),
+            "picking_speed": chances.choice([1.0, 0.4, 0.15]),
+            "route": chances.choice(["one-way", "two-way"]),
+            "dispatch": chances.choice(["nearest", "predictive", "rolling", "assignment"]),
+            "seed": chances.randint(1, 1000),
+            "load_out": load_out,
+        }
+
+    return laid_out(drawn, count)
+
+
+def demand_that_models_agree(seed: int, count: int) -> None:
+    for layout in stocks(seed, count):
+        run, ticks, _ = harvested(layout)
+        simulated = [*(tick / 10.0 for tick in ticks), run.engine.world.seconds]
+        assert modelled(layout) == pytest.approx(simulated, rel=0.005, abs=1.0)
+
+
+def test_both_models_agree_about_empty_bins() -> None:
+    demand_that_models_agree(1, 3)
+
+
+@pytest.mark.soak
+def test_soak_both_models_agree_about_thirty_stocks() -> None:
+    demand_that_models_agree(2, 30)
+
+
+@pytest.mark.parametrize("load_out", [TRUCK, TRAILERS])
+def test_the_event_model_goes_on_with_a_stock_in_use(load_out: dict[str, Any]) -> None:
+    """Also while a carrier waits in the bay, and while its bin is unloaded."""
+    run = Local(with_load_out(load_out).scenario, is_hashed=False)
+    lengths = []
+    while not run.ended:
+        is_in_bay = run.engine.world.bay_ticks.any()
+        if run.engine.tick % 211 == 0 or (is_in_bay and run.engine.tick % 5 == 0):
+            moment = RunMoment(run.engine.world, run.memories, run.post.written)
+            lengths.append(begin_at(moment).run().seconds)
+        run.tick()
+    assert len(lengths) > 40
+    assert lengths == pytest.approx([run.engine.world.seconds] * len(lengths), abs=0.3)
+
+
+# -- what happens
+
+
+def test_the_bay_waits_for_the_truck_while_bins_are_out() -> None:
+    """Two empty bins are given for the first two full ones. The truck brings two at 300 s, 600 s.
+
+    The last bins wait at the bay when the harvest ends.
+    """
+    run, ticks, waited = harvested(with_load_out(TRUCK))
+    first, *others = [tick / 10.0 for tick in ticks]
+    assert first < others[0] < 300.0
+    assert 304.0 < others[1] < others[2] < 600.0 + 5.0
+    assert 604.0 < others[3] < others[4] < run.engine.world.seconds
+    assert run.engine.world.waiting_bins == 2
+    assert waited > 100.0
+
+
+def test_a_stock_for_the_whole_harvest_changes_nothing() -> None:
+    """Then a truck makes no difference, and the bay does not wait."""
+    usual = harvested(lay_out(Scenario.model_validate(SMALL)))
+    truck = {"every": 600.0, "bins": 3}
+    supplied = harvested(with_load_out({"truck": truck, "empty_bins": 6}))
+    assert supplied.ticks == usual.ticks
+    assert supplied.run.engine.tick == usual.run.engine.tick
+    assert supplied.bay_waiting_seconds == 0.0
+
+
+def test_a_truck_takes_no_more_than_its_bins() -> None:
+    """Four full bins wait when it comes for two."""
+    layout = with_load_out({"truck": {"every": 400.0, "bins": 2}, "empty_bins": 4})
+    run = Local(layout.scenario)
+    world = run.engine.world
+    waiting = []
+    while not run.ended:
+        before = world.waiting_bins
+        run.tick()
+        if world.waiting_bins < before:
+            waiting.append((world.tick, before, world.waiting_bins))
+    assert waiting[0] == (4001, 4, 2)
+
+
+def test_a_bay_that_waits_long_for_its_truck_is_no_jam() -> None:
+    """Nothing happens for longer than makes a jam."""
+    layout = with_load_out({"truck": {"every": 800.0, "bins": 1}, "empty_bins": 1}, rows=3)
+    run, ticks, _ = harvested(layout)
+    assert [tick // 8000 for tick in ticks] == [0, 1, 2]
+    assert modelled(layout)[-1] == pytest.approx(run.engine.world.seconds, abs=1.0)
+
+
+def test_fewer_empty_bins_let_fewer_trailers_be_away() -> None:
+    """With three bins only one of two trailers of two can be full."""
+    enough = harvested(with_load_out(TRAILERS | {"empty_bins": 40})).ticks
+    few = harvested(with_load_out(TRAILERS)).ticks
+    assert few[-1] > enough[-1] + 300
+    fewest = harvested(with_load_out(TRAILERS | {"empty_bins": 2})).ticks
+    between_departures = [later - earlier for earlier, later in pairwise(fewest[1::2])]
+    assert min(between_departures) >= 1550
+
+
+# -- limit, words, forks
+
+
+def test_truck_and_empty_bins_limit_the_rate() -> None:
+    few = Bounds(with_load_out(TRUCK))
+    assert few.bottleneck == "truck"
+    assert few.bins_per_hour == pytest.approx(3600.0 * 2 / 300.0)
+    # One trailer of two at a time, and the first bin of the next one is put on it meanwhile.
+    fewer = Bounds(with_load_out(TRAILERS))
+    assert fewer.terms["trailers"] == pytest.approx(2 / (150.0 + 5.0))
+    enough = Bounds(with_load_out(TRAILERS | {"empty_bins": 4}))
+    assert enough.terms["trailers"] == pytest.approx(4 / (150.0 + 10.0))
+
+
+def test_the_answer_says_when_the_truck_comes() -> None:
+    words = orchard_words(Scenario.model_validate({"load_out": TRUCK}))
+    assert "a truck every 300 s, 2 bins on it, 2 empty bins at the bay" in words
+
+
+def test_a_run_goes_on_equally_while_bins_wait() -> None:
+    """A fork can take a truck that comes sooner, and no other number of empty bins."""
+    run = Local(with_load_out(TRUCK).scenario)
+    while run.engine.world.waiting_bins < 2:
+        run.tick()
+    again = Local.resume(run.snapshot())
+    start_afresh(again)
+    forked = run.fork(**{"load_out.truck.every": 240.0})
+    for one in (run, again, forked):
+        while not one.ended:
+            one.tick()
+    assert again.engine.hash == run.engine.hash
+    assert forked.engine.tick < run.engine.tick - 300
+    with pytest.raises(ScenarioError, match=r"load_out\.empty_bins.*all these bins are at the bay"):
+        again.fork(**{"load_out.empty_bins": 3})
+
+
+# -- what is refused
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("{empty_bins: 9}", "run out, and none comes back: set truck.every and truck.bins, or"),
+        ("{truck: {every: 2400}, empty_bins: 9}", "load_out.truck.bins = None: must be set togeth"),
+        ("{truck: {every: 2400, bins: 9}}", "has no effect while there are always empty bins"),
+        ("{truck: {every: 9, bins: 9}, empty_bins: 9}", "from 60.0 to 86400.0"),
+        ("{truck: {every: 600, bins: 12}, empty_bins: 9}", "never fills: must be at most empty_bi"),
+        (
+            "{seconds_away: 60, trailers: {count: 1, bins: 3}, empty_bins: 2}",
+            "never fills: must be at most empty_bins",
+        ),
+        (
+            "{seconds_away: 60, truck: {every: 600, bins: 3}, empty_bins: 3}",
+            "at most one of both can be set: a truck fetches the bins from the bay, or",
+        ),
+    ],
+)
+def test_bins_that_do_not_come_back_are_refused(text: str, words: str) -> None:
+    with pytest.raises(ScenarioError, match="load_out") as refusal:
+        parse(f"load_out: {text}")
+    assert words in str(refusal.value)

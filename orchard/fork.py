@@ -344,7 +344,7 @@ def _take_over(
 
 
 def _be_back_otherwise(before: World, world: World) -> None:
-    """Let who is on the way to the load-out be back as much earlier or later as it takes now."""
+    """Let what is on the way to the load-out be back as much earlier or later as it takes now."""
     old = before.layout.machines["carrier"]
     new = world.layout.machines["carrier"]
     are_hauling = world.hauling > 0

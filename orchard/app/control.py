@@ -17,8 +17,8 @@ from orchard.app.typed_times import breaks_shown
 FIGURES = 4
 # How a field for a text looks.
 TEXT = "dense outlined autocomplete=off input-class=figure"
-# JavaScript of a field for a number: who comes into it replaces the number. A click comes after
-# the focus, and would drop what is selected.
+# JavaScript of a field for a number: typing in it replaces the number. A click comes after the
+# focus, and would drop what is selected.
 SELECT_ON_FOCUS = "(event) => { event.target.select(); event.target.dataset.fresh = 1 }"
 SELECT_ON_FIRST_CLICK = (
     "(event) => { if (event.target.dataset.fresh) { event.target.select();"
@@ -159,7 +159,7 @@ class Control:
         return self._automatic is not None and bool(self._automatic.value)
 
     def _typed(self) -> None:
-        """Take a text. Who types a number does not leave it to the program any more."""
+        """Take a text. A typed number is not left to the program any more."""
         if not self._is_program_writing:
             self._leave_automatic()
         self._entered()

@@ -1,4 +1,4 @@
-"""Decide which requests the page answers: those of its own pages, and of a user who opens it.
+"""Decide which requests the page answers: those of its own pages, and those by which it is opened.
 
 A name of another site that suddenly means this machine (DNS rebinding) shows in `Host`. A request
 of another site's page shows in `Origin` or in `Sec-Fetch-Site`, by which a browser says which page
@@ -16,7 +16,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 ANY_ADDRESS = ("", "0.0.0.0", "::")
 LOOPBACK_NAMES = ("localhost", "127.0.0.1", "[::1]")
-# What `Sec-Fetch-Site` says of a request of the page itself, and of one of the user, who types.
+# What `Sec-Fetch-Site` says of a request of the page itself, and of one that a user types.
 OWN_SITE = ("same-origin", "none")
 
 

@@ -50,7 +50,7 @@ def serve(host: str, port: int, folder: Path, shows: bool) -> None:
             ui.navigate.history.replace("/")
             shown.open_link(*draft_of(query))
 
-    # A fork of a process with threads may find a lock that nobody opens any more.
+    # A fork of a process with threads may find a lock that no thread opens any more.
     run.process_pool_start_method = "spawn"
     secret = token_hex()
     guard(app, host, secret)

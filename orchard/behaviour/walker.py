@@ -1,4 +1,4 @@
-"""People, who walk straight on, and animals, which choose anew every 3 s. None lingers for long."""
+"""People walk straight on. Animals choose anew every 3 s. Neither lingers for long."""
 
 import math
 

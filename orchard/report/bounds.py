@@ -311,7 +311,7 @@ def _ideal(layout: Layout) -> Layout:
 
 def _harvested(layout: Layout, free_roads: bool = False) -> "EventHarvest":
     """Return a harvest of the event model that is done."""
-    # They load numba, which takes a second. Who asks for limits only needs none of it.
+    # They load numba, which takes a second. The limits alone need none of it.
     from orchard.event_model.harvest import EventHarvest
     from orchard.event_model.plain import machine_at_hand
 

@@ -42,7 +42,7 @@ DEAREST = 3.0  # times the least cost, up to which costs are shown
 MOST_TICKS = 24  # values that are all named along the axis
 MOST_LINES = 6  # more are not shown: those with the best settings are
 FONTS = ["system-ui", "DejaVu Sans", "sans-serif"]
-# Of each kind of picture: who has made it. An SVG has no date.
+# Of each kind of picture: what has made it. An SVG has no date.
 METADATA: dict[str, dict[str, Any]] = {
     "png": {"Software": MAKER},
     "svg": {"Creator": [MAKER], "Date": None},

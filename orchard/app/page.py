@@ -125,11 +125,15 @@ class Page:
             auto_upload=True,
         )
         self._upload.props("accept=.yaml,.yml").classes("hidden")
-        button("Open", lambda: self._upload.run_method("pickFiles"), "open", "folder_open")
+        button("Open", self._pick_file, "open", "folder_open")
         self._save = button("Save", self._download, "save", "download")
         self._link = button("Link", self._show_link, "link", "link")
         dark = button("", self._turn_dark, "dark", "contrast")
         dark.props('aria-label="Dark or light" title="Dark or light"')
+
+    def _pick_file(self) -> None:
+        """Let the browser ask for a file."""
+        self._upload.run_method("pickFiles")
 
     def _build_run(self) -> None:
         with _section("run-card", "The run"):

@@ -175,7 +175,11 @@ def lineages(runs: Mapping[str, PastRun]) -> list[list[PastRun]]:
             lineage.insert(0, parent)
             parent = runs.get(parent.record.forked_from.run)
         result.append(lineage)
-    return sorted(result, key=lambda lineage: [order[past.name] for past in lineage])
+
+    def places(lineage: list[PastRun]) -> list[int]:
+        return [order[past.name] for past in lineage]
+
+    return sorted(result, key=places)
 
 
 def differences(scenarios: Sequence[Scenario]) -> dict[str, list[str]]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from nicegui import ui
-from nicegui.events import ValueChangeEventArguments
+from nicegui.events import GenericEventArguments, ValueChangeEventArguments
 
 from orchard.app.elements import mark_wrong
 from orchard.app.harvest_run import DURATIONS, MODES, SPEEDS, RunSettings
@@ -46,11 +46,7 @@ class RunControls:
             self._speed.classes("number")
             self._speed.props("data-field=speed aria-label=Speed")
             self._speed.props(f'title="times real time, {span(SPEEDS)}"')
-            self._slider.on(
-                "update:model-value",
-                lambda event: self._speed.set_value(shown(event.args)),
-                throttle=0.05,
-            )
+            self._slider.on("update:model-value", self._slid, throttle=0.05)
             self._fastest = ui.checkbox(
                 "fastest",
                 value=self.settings.is_fastest,
@@ -58,6 +54,10 @@ class RunControls:
             )
             self._fastest.props("dense data-field=fastest")
             self._fastest.props('title="as fast as this machine can"')
+
+    def _slid(self, event: GenericEventArguments) -> None:
+        """Take the speed to which the user has moved the slider."""
+        self._speed.set_value(shown(event.args))
 
     def _build_duration(self) -> None:
         with self._setting("End after", "duration"):

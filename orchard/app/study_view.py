@@ -91,13 +91,13 @@ class StudyView:
             self._horizon = ui.toggle(
                 HORIZONS,
                 value=self._settings.horizon,
-                on_change=lambda event: self._enter(horizon=event.value),
+                on_change=self._enter_horizon,
             )
             self._horizon.props("dense no-caps unelevated data-field=horizon")
         with self._labelled(BUDGET_LABEL):
             text = ui.input(
                 value=self._settings.budget,
-                on_change=lambda event: self._enter(budget=event.value or ""),
+                on_change=self._enter_budget,
             ).classes("number")
             text.props(
                 "dense outlined autocomplete=off inputmode=decimal data-field=study-budget"
@@ -168,6 +168,12 @@ class StudyView:
         # A deadline is that of one harvest.
         self._horizon.set_enabled(not has_deadline)
         self._update_buttons()
+
+    def _enter_horizon(self, event: ValueChangeEventArguments[Any]) -> None:
+        self._enter(horizon=event.value)
+
+    def _enter_budget(self, event: ValueChangeEventArguments[Any]) -> None:
+        self._enter(budget=event.value or "")
 
     def _start(self) -> None:
         self._trouble.set_text(self._try_to_start())

@@ -122,7 +122,7 @@ def of_robots(robots: list[str], is_stop: bool) -> RunQuery[Stopped]:
     """Return the query that stops or resets robots, by names or kinds; empty: all of them."""
     return RunQuery(
         "stop",
-        lambda run: Stop(run, is_stop, robots),
+        partial(Stop, stop=is_stop, names=robots),
         Stopped,
         _show_stop if is_stop else _show_reset,
     )
@@ -132,7 +132,7 @@ def _state(wanted: Literal["playing", "paused"]) -> RunQuery[SimulationState]:
     """Return the query that pauses a run, or lets it go on."""
     return RunQuery(
         "set_simulation_state",
-        lambda run: SetSimulationState(run, wanted),
+        partial(SetSimulationState, state=wanted),
         SimulationState,
         _show_state,
     )
@@ -180,7 +180,7 @@ def _ask_runs(
         notes = find(runs_folder(), connect)
         identity = None if secure is None else Keyring.load(secure).of(EMERGENCY_OPERATOR)
     code = FINISHED
-    for note, answer in _answers(notes, lambda note: control(note, query, identity)):
+    for note, answer in _answers(notes, partial(control, query=query, identity=identity)):
         title = f"{note.title}: " if len(notes) > 1 else ""
         if isinstance(answer, BusError | ValueError):
             print_error(f"{title}{answer}")

@@ -218,7 +218,13 @@ def _in_order(scenario: Scenario) -> list[tuple[str, int]]:
     bodies = []
     for kind, count in counts.items():
         bodies += [(kind, number) for number in range(1, count + 1)]
-    return sorted(bodies, key=lambda body: body[1] > len(GIVEN[body[0]]))
+    return sorted(bodies, key=_has_no_given_place)
+
+
+def _has_no_given_place(body: tuple[str, int]) -> bool:
+    """Whether a place is drawn for a person or an animal. `body`: kind and number."""
+    kind, number = body
+    return number > len(GIVEN[kind])
 
 
 def _ways(machines: list[Start]) -> list[Rect]:

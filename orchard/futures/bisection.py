@@ -181,7 +181,11 @@ def confirmed_search(
 
     `expected`: the search by the event model; without any moment if there is none.
     """
-    bisection = Bisection(lambda tick: futures.live(begun_at(tick)), expected.ends_badly)
+
+    def lived_at(tick: int) -> list[Future]:
+        return futures.live(begun_at(tick))
+
+    bisection = Bisection(lived_at, expected.ends_badly)
     first = expected.edges if expected.lived else moments
     bisection.lived = _lived_together({tick: begun_at(tick) for tick in first}, futures)
     if expected.lived and bisection.answer != expected.answer:
@@ -228,7 +232,11 @@ def badly(condition: str, known: Collection[str]) -> Callable[[Future], bool]:
     key = parts[1]
     is_beyond = lt if parts[2] == "<" else gt
     limit = float(parts[3])
-    return lambda future: not well_ended([future]) or bool(is_beyond(future[key], limit))
+
+    def ends_badly(future: Future) -> bool:
+        return not well_ended([future]) or bool(is_beyond(future[key], limit))
+
+    return ends_badly
 
 
 def _begun(chosen: ForkOptions, moment: Snapshot, futures: Futures) -> list[Snapshot]:

@@ -127,7 +127,10 @@ class Inbox:
     def take_signals(self) -> None:
         """Let SIGINT and SIGTERM arrive as items from now on."""
         for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda number, frame: self.put(Signal(number)))
+            signal.signal(number, self._take_signal)
+
+    def _take_signal(self, number: int, frame: object) -> None:
+        self.put(Signal(number))
 
     def put(self, item: Item) -> None:
         """Put an item, and wake the reader."""

@@ -203,11 +203,15 @@ class Host:
 
     def _query(self, kind: str, request: bytes, type_: type[M]) -> M:
         """Return the reply of physics to a query, a message of a type. Raises BusError."""
+
+        def read_reply(payload: bytes) -> M:
+            return read_message(payload, type_, self.run_id)
+
         return ask(
             self.bus,
             self.keys.of(kind, session=self.bus.id),
             request,
-            lambda payload: read_message(payload, type_, self.run_id),
+            read_reply,
             seconds=ANSWER_SECONDS,
             handle=self.handle,
             refusals=self.refusals,
@@ -230,8 +234,12 @@ class Host:
         """Wait for the next tick and its mail, ask the agents, and send what they answer."""
         self._wait(lambda: self.latest.tick > self.mailbox.last)
         tick = self.latest.tick
-        if not self.mailbox.is_settled(tick, self.latest.asked):
-            self._wait(lambda: self.mailbox.is_settled(tick, self.latest.asked), LOST_SECONDS)
+
+        def has_mail() -> bool:
+            return self.mailbox.is_settled(tick, self.latest.asked)
+
+        if not has_mail():
+            self._wait(has_mail, LOST_SECONDS)
         mail = self._mail(tick)
         seen = self.latest.observations
         # The digests are made before the agents can change their mail.

@@ -11,6 +11,7 @@ import signal
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from select import select
 from socket import MSG_DONTWAIT, MSG_PEEK, SHUT_WR, socketpair
 from threading import Thread, Timer
@@ -71,8 +72,8 @@ def hold_on(ask_to_end: Callable[[], None]) -> Callable[[int], None] | None:
         os.dup2(nothing.fileno(), 0)
     Thread(target=_wait_for_end, args=(line, owner, ask_to_end), daemon=True).start()
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda number, frame: _die_soon(line, number))
-    return lambda code: _announce(line, code)
+        signal.signal(number, partial(_die_soon, line))
+    return partial(_announce, line)
 
 
 def _announce(line: int, code: int) -> None:
@@ -94,7 +95,7 @@ def _wait_for_end(line: int, owner: int, ask_to_end: Callable[[], None]) -> None
         os._exit(1)
 
 
-def _die_soon(line: int, number: int) -> None:
+def _die_soon(line: int, number: int, frame: object) -> None:
     """Die of a signal in CONFIRM_SECONDS, unless run.py asks too."""
     timer = Timer(CONFIRM_SECONDS, _die, (line, number))
     timer.daemon = True

@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from orchard.contract.guard import place_in_agent
 from orchard.net import lifeline
@@ -37,7 +38,7 @@ def run_process(
     gc.freeze()
     logging.basicConfig(level=logging.WARNING, format=f"{name}: %(message)s")
     inbox = Inbox()
-    announce = lifeline.hold_on(lambda: inbox.put(Signal(signal.SIGTERM)))
+    announce = lifeline.hold_on(partial(inbox.put, Signal(signal.SIGTERM)))
     if announce is None:
         inbox.take_signals()
     try:

@@ -156,14 +156,19 @@ class ZenohBus(Bus):
 
     def ask(self, key: str, payload: bytes, ticket: Any, seconds: float = GET_SECONDS) -> None:
         put = self.inbox.put
-        handler: Callback[zenoh.Reply] = Callback(
-            lambda reply: put(_replied(ticket, reply)), lambda: put(Final(ticket)), indirect=False
-        )
+
+        def take(reply: zenoh.Reply) -> None:
+            put(_replied(ticket, reply))
+
+        def end() -> None:
+            put(Final(ticket))
+
+        handler: Callback[zenoh.Reply] = Callback(take, end, indirect=False)
         try:
             self._session.get(key, handler, payload=payload, timeout=seconds, **_ASKING)
         except zenoh.ZError as error:
             log.debug("the query of %s was not sent: %s", key, error)
-            put(Final(ticket))
+            end()
 
     # -- subscribe and answer
 

@@ -339,8 +339,9 @@ def limit_sentence(outcome: Outcome) -> str:
     proven = outcome.lost_seconds.get("optimum")
     if proven:
         parts.append(f"its time is {above_optimum(outcome.sim_seconds, proven)}")
-    most_lost_to = max(LOSSES, key=lambda part: outcome.lost_seconds.get(part, 0.0))
-    seconds = outcome.lost_seconds.get(most_lost_to, 0.0)
+    lost = {part: outcome.lost_seconds.get(part, 0.0) for part in LOSSES}
+    most_lost_to = max(lost, key=lost.__getitem__)
+    seconds = lost[most_lost_to]
     if seconds > 0.0:
         parts.append(f"{clock(seconds)} were lost to {LOSSES[most_lost_to]}")
     return "; ".join(parts) + "."

@@ -19,6 +19,7 @@ from cryptography import x509
 from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.asymmetric.types import PrivateKeyTypes
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from orchard.folders import regular
@@ -146,11 +147,10 @@ def check(folder: Path, role: Role) -> None:
 
     It is missing, of another role, not of this authority, or not valid now.
     """
-    files = folder / CERTIFICATE, folder / AUTHORITY
-    certificate, authority = (
-        _read(path, x509.load_pem_x509_certificate, "not a certificate") for path in files
-    )
-    if (name := _in(certificate.subject, NameOID.COMMON_NAME)) != role.name:
+    certificate = _certificate(folder / CERTIFICATE)
+    authority = _certificate(folder / AUTHORITY)
+    name = _in(certificate.subject, NameOID.COMMON_NAME)
+    if name != role.name:
         raise ValueError(
             f"{folder / CERTIFICATE}: this is the certificate of {name}, not of {role.name}"
         )
@@ -161,11 +161,7 @@ def check(folder: Path, role: Role) -> None:
             f"{folder / CERTIFICATE}: not issued by {AUTHORITY} beside it; are both from one "
             "directory?"
         ) from None
-    key = _read(
-        folder / KEY,
-        lambda data: serialization.load_pem_private_key(data, None),
-        "not a private key without a password",
-    )
+    key = _read(folder / KEY, _private_key, "not a private key without a password")
     if key.public_key() != certificate.public_key():
         raise ValueError(f"{folder / KEY}: not the key of the certificate beside it")
     if _in(certificate.subject, NameOID.SERIAL_NUMBER) != role.digest:
@@ -183,6 +179,16 @@ def check(folder: Path, role: Role) -> None:
                 f"{folder}: its certificate is valid {span}, not now; `orchard secure --anew` "
                 "makes new ones"
             )
+
+
+def _certificate(path: Path) -> x509.Certificate:
+    """Return the certificate in a file. Raises ValueError."""
+    return _read(path, x509.load_pem_x509_certificate, "not a certificate")
+
+
+def _private_key(data: bytes) -> PrivateKeyTypes:
+    """Return a private key. Raises ValueError or TypeError if it has a password, or is none."""
+    return serialization.load_pem_private_key(data, password=None)
 
 
 def _read(path: Path, load: Callable[[bytes], T], fault: str) -> T:

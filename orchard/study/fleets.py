@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil, floor
+from operator import attrgetter
 
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
@@ -111,7 +112,7 @@ class Fleets:
                 fleet = self.fleet(crew.pickers, number)
                 if fleet is not None and self.is_possible(fleet):
                     meeting.append(fleet)
-        return sorted(meeting, key=lambda fleet: (fleet.least_cost, fleet.pickers, fleet.carriers))
+        return sorted(meeting, key=attrgetter("least_cost", "pickers", "carriers"))
 
     def is_possible(self, fleet: Fleet) -> bool:
         """Whether the limit of a fleet meets the deadline."""
@@ -142,7 +143,7 @@ class Fleets:
             fleet = self.fleet(crew.pickers, number)
             if fleet is not None:
                 found.append(fleet)
-        return min(found, key=lambda fleet: (fleet.limit_seconds, fleet.carriers))
+        return min(found, key=attrgetter("limit_seconds", "carriers"))
 
     def _crews_in_time(self) -> Iterator[_Crew]:
         """Yield the crews that may be in time, if they have as many carriers as it takes."""

@@ -8,7 +8,7 @@ import re
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
 from math import ceil, prod
 from types import MappingProxyType
@@ -308,15 +308,16 @@ STEPS = 4  # in which they come up to that number; those next to the answer foll
 def most_carriers(scenario: Scenario) -> int:
     """Return for how many carriers the orchard has room."""
     numbers = range(1, MOST_CARRIERS + 1)
-    return bisect_left(numbers, True, key=lambda number: not _has_room(scenario, number))
+    return bisect_left(numbers, True, key=partial(_lacks_room, scenario))
 
 
-def _has_room(scenario: Scenario, carriers: int) -> bool:
+def _lacks_room(scenario: Scenario, carriers: int) -> bool:
+    """Whether the orchard has no room for so many carriers."""
     try:
         with_changes(scenario, carriers=carriers)
     except ScenarioError:
-        return False
-    return True
+        return True
+    return False
 
 
 def is_open(varied: Mapping[str, Sequence[Any]]) -> bool:

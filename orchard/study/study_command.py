@@ -173,14 +173,16 @@ def _options(chosen: StudyArguments) -> StudyOptions:
 
 def _files(chosen: StudyArguments) -> dict[Path, Save]:
     wanted: dict[Path | None, Save] = {
-        chosen.summary: lambda result, path: write_summary(path, asdict(result)),
+        chosen.summary: _save_summary,
         chosen.csv: save_csv,
-    }
-    wanted |= {
         chosen.picture: partial(_save_by, "picture"),
         chosen.report: partial(_save_by, "report"),
     }
     return {path: save for path, save in wanted.items() if path is not None}
+
+
+def _save_summary(result: StudyResult, path: Path) -> None:
+    write_summary(path, asdict(result))
 
 
 def _save_by(module: str, result: StudyResult, path: Path) -> None:

@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from orchard.report.costs import PAYMENTS
-from orchard.study.result import Check, Interval, Model, Row, Standing, StudyResult
+from orchard.study.result import Interval, Model, Row, Standing, StudyResult
 from orchard.study.words import (
     interval_words,
     key_words,
@@ -21,19 +21,6 @@ from orchard.study.words import (
 )
 
 NONE = "-"  # in place of a figure that there is not
-COLUMNS: dict[str, Callable[[Row], str]] = {
-    "bins/h": lambda row: _interval(row.bins_per_hour) or "jammed",
-    "harvest, s": lambda row: _interval(row.harvest_seconds),
-    "in time": lambda row: _in_time(row),  # noqa: PLW0108 - it is defined below
-    "a bin": lambda row: _interval(row.cost_per_bin),
-    "behind, %": lambda row: _behind(row),  # noqa: PLW0108 - it is defined below
-    "wait, s": lambda row: f"{row.picker_waiting_seconds:.0f}",
-    "busy": lambda row: f"{100.0 * row.carrier_utilisation:.0f} %",
-    "bound": lambda row: number_words(row.bound_bins_per_hour) + _share_of_bound(row),
-    "limit": lambda row: row.bottleneck,
-    "optimum, s": lambda row: _optimum(row),  # noqa: PLW0108 - it is defined below
-    "checked": lambda row: _check(row.check),
-}
 MARKS: dict[Standing, str] = {
     "best": "*",
     "equal": "=",
@@ -172,6 +159,41 @@ def _unasked(result: StudyResult) -> list[str]:
     return length if is_compared else [*length, "behind, %"]
 
 
+def _harvest(row: Row) -> str:
+    """Return the length of the harvest, s."""
+    return _interval(row.harvest_seconds)
+
+
+def _rate(row: Row) -> str:
+    """Return the bins an hour, if no run jammed."""
+    return _interval(row.bins_per_hour) or "jammed"
+
+
+def _cost(row: Row) -> str:
+    """Return what a bin costs."""
+    return _interval(row.cost_per_bin)
+
+
+def _waiting(row: Row) -> str:
+    """Return how long a picker waits, s."""
+    return f"{row.picker_waiting_seconds:.0f}"
+
+
+def _busy(row: Row) -> str:
+    """Return which share of the time carriers are busy."""
+    return f"{100.0 * row.carrier_utilisation:.0f} %"
+
+
+def _bound(row: Row) -> str:
+    """Return the limit without traffic, and which share of it the setting reaches."""
+    return number_words(row.bound_bins_per_hour) + _share_of_bound(row)
+
+
+def _limit(row: Row) -> str:
+    """Return which part sets the limit."""
+    return row.bottleneck
+
+
 def _cell(head: str, row: Row) -> str:
     """Return the cell of a row in a column."""
     has_jammed = row.bins_per_hour is None
@@ -207,7 +229,7 @@ def _share_of_bound(row: Row) -> str:
     return f" ({100.0 * share:.0f}%)"
 
 
-def _optimum(row: Row) -> str:
+def _proven(row: Row) -> str:
     """Return the shortest harvest that is proven, s, and how far above it this one is."""
     if row.proven_seconds is None or row.harvest_seconds is None:
         return ""
@@ -215,8 +237,9 @@ def _optimum(row: Row) -> str:
     return f"{number_words(row.proven_seconds)} (+{100.0 * excess:.0f}%)"
 
 
-def _check(check: Check | None) -> str:
+def _checked(row: Row) -> str:
     """Return what the simulator says of a setting, and how far the fast model is from it."""
+    check = row.check
     if check is None:
         return ""
     if check.jammed == check.replications:
@@ -224,6 +247,22 @@ def _check(check: Check | None) -> str:
     # Adding 0.0 makes 0.0 of -0.0.
     percent = round(100.0 * check.difference, 1) + 0.0
     return f"{_interval(check.bins_per_hour)} {percent:+.1f} %"
+
+
+# Head of a column -> its cells; '' if there is no figure.
+COLUMNS: dict[str, Callable[[Row], str]] = {
+    "bins/h": _rate,
+    "harvest, s": _harvest,
+    "in time": _in_time,
+    "a bin": _cost,
+    "behind, %": _behind,
+    "wait, s": _waiting,
+    "busy": _busy,
+    "bound": _bound,
+    "limit": _limit,
+    "optimum, s": _proven,
+    "checked": _checked,
+}
 
 
 # -- what is paid for what

@@ -130,7 +130,11 @@ def _parameters_of(kind: type) -> list[inspect.Parameter]:
         parameter.replace(annotation=Annotated[parameter.annotation, options.get(parameter.name)])
         for parameter in inspect.signature(kind).parameters.values()
     ]
-    return sorted(parameters, key=lambda parameter: parameter.default is not parameter.empty)
+    return sorted(parameters, key=_has_default)
+
+
+def _has_default(parameter: inspect.Parameter) -> bool:
+    return parameter.default is not parameter.empty
 
 
 class _Plain:

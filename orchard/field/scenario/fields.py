@@ -17,6 +17,13 @@ _NAME = "[A-Za-z_][A-Za-z0-9_]*"
 _PATH = rf"{_NAME}(\.{_NAME})*[.:]{_NAME}"
 ClassPath = Annotated[str, Field(pattern=rf"^{_PATH}$", max_length=200)]
 Driven = Annotated[str, Field(pattern=rf"^(({'|'.join(KINDS)})(_[0-9]+)?|{'|'.join(BODILESS)})$")]
+
+
+def _by_name(rates: dict[str, float]) -> dict[str, float]:
+    """Return the rates of pickers in the order of their names."""
+    return dict(sorted(rates.items()))
+
+
 PICKER_RATES = "picker -> its picking rate as a share of the usual one: 0.5 is half as fast"
 PickerRates = Annotated[
     dict[
@@ -24,7 +31,7 @@ PickerRates = Annotated[
         Annotated[float, Field(ge=0.05, le=20.0)],
     ],
     Field(max_length=60, description=PICKER_RATES),
-    AfterValidator(lambda rates: dict(sorted(rates.items()))),
+    AfterValidator(_by_name),
 ]
 Bodiless = Annotated[str, Field(pattern="^[a-z][a-z0-9_]{0,63}$")]
 Classes = Annotated[

@@ -15,6 +15,7 @@ from stage import empty_orchard
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, with_changes
 from orchard.field.shipped import load_or_shipped
+from orchard.report.costs import PAYMENTS
 from orchard.study import settings
 from orchard.study import study as module
 from orchard.study.checking import checked_settings
@@ -353,6 +354,18 @@ def test_a_setting_that_jams_once_has_no_figures():
         1,
         "jammed",
     )
+
+
+def test_what_is_paid_is_the_mean_of_the_runs():
+    """One run brings 10 bins an hour, and the other one 20: each bin costs its share of an hour."""
+    prices = {"picker_per_hour": 30.0, "carrier_per_hour": 10.0, "per_bin": 2.0}
+    scenario = Scenario(rows=3, pickers=2, carriers=1, prices=prices, **QUIET)
+    slow = replace(PlannedRun(scenario, "fast").do(math.inf), bins=10, bins_per_hour=10.0)
+    row = row_of(Setting({}, scenario), [slow, replace(slow, bins_per_hour=20.0)], 0.95)
+    assert list(row.paid) == [name for name in PAYMENTS if name in row.paid]
+    assert sum(row.paid.values()) == pytest.approx(row.cost_per_bin.mean)
+    assert row.cost_per_bin.mean == pytest.approx((70.0 / 10.0 + 70.0 / 20.0) / 2 + 2.0)
+    assert row.bins_per_hour.mean == pytest.approx(15.0)
 
 
 def test_part_full_bins_of_one_harvest_are_told(tmp_path):

@@ -34,6 +34,8 @@ IN_NEED: dict[str, list[list[str]]] = {
 EXTRAS = ["app", "bags", "gym", "optimum", "roads", "study"]
 # Of three packages that stay, tests that need no other process.
 TESTS = ("tests/plans/test_steps.py", "tests/wire/test_keys.py", "tests/sim/test_deeds.py")
+# Their tests are about other packages than those of extras, and import none of these.
+FOLDERS = ("tests/commands", "tests/discrete", "tests/launch")
 # Calls commands in one process, given as JSON. The last line of stdout is what each gives, as JSON.
 CALLS = """
 import json, sys
@@ -104,3 +106,4 @@ def test_without_the_folders_of_extras_the_rest_passes(tmp_path):
         assert code == 0, stderr
     told = python_in(clone, "-m", "pytest", "-q", "-p", "no:cacheprovider", *TESTS)
     assert "[100%]" in told
+    python_in(clone, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--collect-only", *FOLDERS)

@@ -22,7 +22,6 @@ from orchard.field.scenario import Scenario, parse
 from orchard.local import Local
 from orchard.plans.steps import Charge, Haul
 from orchard.report.bounds import Bounds, lost_seconds, proven_seconds
-from orchard.study.words import orchard_words
 
 SMALL: dict[str, Any] = NOBODY | {
     "rows": 4,
@@ -205,20 +204,6 @@ def test_limit_and_losses_know_the_load_out() -> None:
     assert sum(parts.values()) == pytest.approx(seconds, abs=0.5)
     assert parts["optimum"] > lost_seconds(usual, simulated(usual))["optimum"] + 90.0
     assert parts["traffic"] < 0.1 * seconds
-
-
-def test_the_answer_says_how_long_carriers_are_away() -> None:
-    assert "260 s away at the load-out" in orchard_words(
-        Scenario.model_validate({"load_out": {"seconds_away": 260.0}})
-    )
-    assert "a load-out 400 m away, 4 m/s on the way to it, 60 s there" in orchard_words(
-        Scenario.model_validate({"load_out": {"metres": 400.0, "speed": 4.0, "seconds": 60.0}})
-    )
-    trailers = {"seconds_away": 260.0, "trailers": {"count": 2, "bins": 3}}
-    assert "260 s away at the load-out, 2 trailers, 3 bins on each" in orchard_words(
-        Scenario.model_validate({"load_out": trailers})
-    )
-    assert "load-out" not in orchard_words(Scenario())
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,37 @@
+"""Files that belong to a user, and what a command says that would replace them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from command_line import orchard
+
+# What belongs to a user: one text for each kind, as near to ours as a text of others may be.
+OTHERS = {
+    "summary.json": '{\n  "hash": "of another program",\n  "name": "thesis"\n}\n',
+    "table.csv": "carriers,bins\n3,11\n",
+    "picture.svg": '<?xml version="1.0"?>\n<svg><dc:title>Matplotlib</dc:title></svg>\n',
+    "picture.png": "\x89PNG, which somebody has drawn",
+    "report.html": "<!DOCTYPE html>\n<title>My orchard</title>\n",
+    "trace.txt": "a year's work\n",
+    "map.json": '{\n "metaInformation": {\n  "creator": "another program"\n }\n}\n',
+}
+
+
+def told_of_others(command: Sequence[object], folder: Path) -> tuple[list[str], str]:
+    """Let a command write into files of a user. Return their names, and what it says.
+
+    `command`: its words. One with a space is an option and a name of `OTHERS`. The files stay.
+    """
+    (folder / "run.snapshots").mkdir()
+    words: list[str] = []
+    written = []
+    for word in map(str, command):
+        option, _, name = word.partition(" ")
+        if name:
+            (folder / name).write_text(OTHERS[name])
+            written.append(name)
+        words += filter(None, (option, name))
+    told = orchard(*words, code=2, folder=folder).stderr
+    assert "that the Orchard has written, and is not replaced; expected another name" in told
+    assert all((folder / name).read_text() == OTHERS[name] for name in written)
+    return written, told

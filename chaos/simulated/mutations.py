@@ -4,19 +4,16 @@ net is not needed.
 
 import inspect
 import textwrap
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from math import inf
-from pathlib import Path
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
-from msgspec.structs import replace
-
+from chaos.simulated import stand_ins
 from chaos.simulated.plan import draw
 from chaos.simulated.scheduler import VirtualInbox
 from chaos.simulated.trial import carry_out
-from orchard.contract.agent import Action
 from orchard.net import host, mailbox, requests
 from orchard.net.ending import Ending
 from orchard.net.refusals import RefusalTotals
@@ -32,7 +29,6 @@ from orchard.server.run import PhysicsRun
 from orchard.sim import snapshot
 from orchard.sim.engine import Engine
 from orchard.wire import messages as wire
-from orchard.wire.messages import Joined
 
 
 class Cut(NamedTuple):
@@ -54,217 +50,35 @@ def _with_words(owner: Any, name: str, before: str, after: str) -> Cut:
     return Cut(owner, name, made[name])
 
 
-def _nothing(*_: Any, **__: Any) -> None:
-    pass
-
-
-def _expects_without_waking(self: Drivers, names: Any, holder: str) -> None:
-    self._engine.wake(names)
-
-
-def _keeps_the_old_answer(self: barriers.LockstepBarrier, name: str) -> None:
-    if name not in self.reports:
-        self.missing.add(name)
-
-
-def _without_memories(run: str, tick: int, memories: Any, refused: Any) -> Joined:
-    return Joined(run, tick, dict.fromkeys(memories), refused)
-
-
-def _takes_any_tick(
-    self: barriers.LockstepBarrier, name: str, holder: str, tick: int, report: Any
-) -> None:
-    if name in self.missing:
-        _take(self, name, holder, self.tick, report)
-
-
-def _tracks_nothing(self: host.Host, token: str, up: bool) -> None:
-    self._ending.track(token, up)
-    self._leave_if_over()
-
-
-def _keeps_one_tick(self: RecoveryLog, tick: int, reports: Any) -> None:
-    _keep(self, tick, reports)
-    self.letters = {at: letters for at, letters in self.letters.items() if at >= tick}
-
-
-def _keeps_all_ticks(self: RecoveryLog, tick: int, reports: Any) -> None:
-    before = dict(self.letters)
-    _keep(self, tick, reports)
-    self.letters = before | self.letters
-
-
-def _keeps_no_memory(self: RecoveryLog, tick: int, reports: Any) -> None:
-    before = dict(self.memories)
-    _keep(self, tick, reports)
-    self.memories = before
-
-
-def _checks_no_run(message: Any, run: str) -> None:
-    pass
-
-
-def _takes_over(self: Roster, name: str, holder: str) -> str:
-    return "" if name in self.names else "there is no such agent"
-
-
-def _finds_no_doubt_in_an_error(self: mailbox.Mailbox, tick: int, asked_of: Any) -> bool:
-    return self._is_new(tick) or not self._has(tick, asked_of)
-
-
-def _finds_no_doubt_when_new(self: mailbox.Mailbox, tick: int, asked_of: Any) -> bool:
-    return not (
-        self._has(tick, asked_of) and all(asked.answered for asked in self._asked.get(tick - 2, ()))
-    )
-
-
-def _finds_no_doubt_in_a_lack(self: mailbox.Mailbox, tick: int, asked_of: Any) -> bool:
-    return self._is_new(tick) or not all(asked.answered for asked in self._asked.get(tick - 2, ()))
-
-
-def _never_waits_for_mail(self: mailbox.Mailbox, tick: int, asked_of: Any) -> bool:
-    return True
-
-
-def _forgets_no_mail(self: mailbox.Mailbox, tick: int) -> None:
-    self.last = tick - 1
-    self._joined = tick
-
-
-def _first_in_folder(folder: Any, run: str = "") -> Any:
-    for path in snapshot._newest_first(folder, snapshot.SNAPSHOT):
-        return snapshot.read(path)
-    return None
-
-
-def _newest_of_any_run(
-    folder: Path, refused: list[str], run: str = "", examine: Any = None, until: Any = None
-) -> Any:
-    for path in snapshot._newest_first(folder, snapshot.SNAPSHOT):
-        try:
-            found = snapshot.read(path)
-            examine(found)
-        except snapshot.SnapshotError as error:
-            refused.append(f"{path}: {error}")
-        else:
-            return found
-    raise snapshot.SnapshotError(f"{folder}: no usable snapshot")
-
-
-def _without_deeds(self: barriers.LockstepBarrier) -> Mapping[str, Action]:
-    return {name: replace(action, deeds=[]) for name, action in _actions(self).items()}
-
-
-def _with_deeds_twice(self: barriers.LockstepBarrier) -> Mapping[str, Action]:
-    actions = _actions(self).items()
-    return {name: replace(action, deeds=action.deeds * 2) for name, action in actions}
-
-
-def _with_deeds_late(self: barriers.LockstepBarrier) -> Mapping[str, Action]:
-    actions = _actions(self)
-    deeds: dict[str, Any] = getattr(self, "late_deeds", {})
-    self.late_deeds = {name: action.deeds for name, action in actions.items()}  # type: ignore[attr-defined]
-    late = {name: replace(action, deeds=deeds.get(name, [])) for name, action in actions.items()}
-    unasked = {
-        name: replace(Action(), deeds=waiting)
-        for name, waiting in deeds.items()
-        if waiting and name not in actions
-    }
-    return {**late, **unasked}
-
-
-def _keeps_what_was_not_asked(self: Drivers) -> None:
-    self.release(self.answers.give_up())
-
-
-def _moves_the_deadline(self: barriers.LockstepBarrier, name: str) -> None:
-    self._back.discard(name)
-    _expect(self, name)
-
-
-def _stays_left(self: Roster, name: str, owner: str) -> None:
-    self.owners[name] = self._last_owners[name] = owner
-
-
-def _wakes_nobody(self: VirtualInbox, item: Any) -> None:
-    self._items.append(item)
-
-
-def _keeps_before_it_reports(self: loop.RunLoop) -> None:
-    pending = self.run._pending
-    self.run._pending = None
-    self._drivers.begin(self._engine.observe(), self._pacer.begin())
-    self._engine.account()
-    if self.run.account.snapshot_writer.is_due(self._engine.tick):
-        self.run.keep()
-    self.run._pending = pending
-    self.run.report()
-    self._await_step()
-    self.run.step()
-
-
-def _stops_without_keeping(self: inbound.Queries, query: Any) -> None:
-    keep_at_once = self._run.keep_at_once
-    self._run.keep_at_once = lambda: True  # type: ignore[method-assign]
-    try:
-        _stop(self, query)
-    finally:
-        self._run.keep_at_once = keep_at_once  # type: ignore[method-assign]
-
-
-def _without_stops(self: Engine) -> dict[str, Any]:
-    data = _as_data(self)
-    return data | {"stopped": bytes(len(data["stopped"]))}
-
-
-def _counts_one_step_less(self: RunClock) -> None:
-    self._left -= 1
-    if self._left < 0:
-        self.pause()
-
-
-def _without_patience(*arguments: Any) -> host.Host:
-    return host.Host(*arguments[:-1], 0.1)  # type: ignore[call-arg]
-
-
-def _goes_on_while_paused(self: RunClock) -> float:
-    return self._clock()
-
-
-_take = barriers.LockstepBarrier.take
-_keep = RecoveryLog.keep
-_actions = barriers.LockstepBarrier.actions
-_expect = barriers.LockstepBarrier.expect
-_stop = inbound.Queries._stop
-_as_data = Engine.as_data
-_always: Callable[..., bool] = lambda *_, **__: True  # noqa: E731
-_never: Callable[..., bool] = lambda *_, **__: False  # noqa: E731
-
 MUTATIONS: dict[str, tuple[Cut, ...]] = {
     "physics never sends a tick again": (Cut(loop, "AGAIN_SECONDS", inf),),
-    "a host never doubts its mail": (Cut(mailbox.Mailbox, "may_lack_mail", _never),),
-    "no doubt after a join": (Cut(mailbox.Mailbox, "may_lack_mail", _finds_no_doubt_when_new),),
+    "a host never doubts its mail": (Cut(mailbox.Mailbox, "may_lack_mail", stand_ins.never),),
+    "no doubt after a join": (
+        Cut(mailbox.Mailbox, "may_lack_mail", stand_ins.finds_no_doubt_when_new),
+    ),
     "no doubt if an answer is missing": (
-        Cut(mailbox.Mailbox, "may_lack_mail", _finds_no_doubt_in_an_error),
+        Cut(mailbox.Mailbox, "may_lack_mail", stand_ins.finds_no_doubt_in_an_error),
     ),
     "no doubt if a request is missing": (
-        Cut(mailbox.Mailbox, "may_lack_mail", _finds_no_doubt_in_a_lack),
+        Cut(mailbox.Mailbox, "may_lack_mail", stand_ins.finds_no_doubt_in_a_lack),
     ),
     "no tick waits for mail": (
-        Cut(mailbox.Mailbox, "is_settled", _never_waits_for_mail),
-        Cut(mailbox.Mailbox, "may_lack_mail", _never),
+        Cut(mailbox.Mailbox, "is_settled", stand_ins.never_waits_for_mail),
+        Cut(mailbox.Mailbox, "may_lack_mail", stand_ins.never),
     ),
-    "a host joins, and keeps its old mail": (Cut(mailbox.Mailbox, "join", _forgets_no_mail),),
+    "a host joins, and keeps its old mail": (
+        Cut(mailbox.Mailbox, "join", stand_ins.forgets_no_mail),
+    ),
     "requests of the future are not kept": (Cut(mailbox, "MOST_HOLD", 0),),
-    "a recall is not recorded": (Cut(mailbox.Mailbox, "recall", _nothing),),
+    "a recall is not recorded": (Cut(mailbox.Mailbox, "recall", stand_ins.nothing),),
     "a host keeps what it saw before it joined": (
-        Cut(mailbox.LatestObservations, "forget", _nothing),
+        Cut(mailbox.LatestObservations, "forget", stand_ins.nothing),
     ),
     "a host goes on where physics is there again": (
-        Cut(host.Host, "_track_physics", _tracks_nothing),
+        Cut(host.Host, "_track_physics", stand_ins.tracks_nothing),
     ),
     "a host that is told that it is lost does not join again": (
-        Cut(Publisher, "publish_lost", _nothing),
+        Cut(Publisher, "publish_lost", stand_ins.nothing),
     ),
     "a question is sent once": (
         Cut(requests, "FETCH_SECONDS", 1e6),
@@ -272,20 +86,28 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
     ),
     "a join without a token is not tried again": (Cut(host, "JOIN_TRIES", 1),),
     "a join of a taken agent is not tried again": (Cut(host, "TAKEN_TRIES", 1),),
-    "a host without its memory": (Cut(AgentRunner, "resume", _nothing),),
-    "physics gives no memory": (Cut(wire, "Joined", _without_memories),),
-    "physics keeps no memory": (Cut(RecoveryLog, "keep", _keeps_no_memory),),
-    "physics keeps the letters of one tick": (Cut(RecoveryLog, "keep", _keeps_one_tick),),
-    "physics keeps the letters of all ticks": (Cut(RecoveryLog, "keep", _keeps_all_ticks),),
-    "physics does not ask a session that joins": (Cut(Drivers, "expect", _expects_without_waking),),
-    "the answer of the session before counts": (
-        Cut(barriers.LockstepBarrier, "expect", _keeps_the_old_answer),
+    "a host without its memory": (Cut(AgentRunner, "resume", stand_ins.nothing),),
+    "physics gives no memory": (Cut(wire, "Joined", stand_ins.without_memories),),
+    "physics keeps no memory": (Cut(RecoveryLog, "keep", stand_ins.keeps_no_memory),),
+    "physics keeps the letters of one tick": (Cut(RecoveryLog, "keep", stand_ins.keeps_one_tick),),
+    "physics keeps the letters of all ticks": (
+        Cut(RecoveryLog, "keep", stand_ins.keeps_all_ticks),
     ),
-    "an answer to any tick counts": (Cut(barriers.LockstepBarrier, "take", _takes_any_tick),),
-    "an answer of any session counts": (Cut(barriers.Barrier, "_refuse_other_owner", _nothing),),
-    "any session may take any agent": (Cut(Roster, "may_join", _takes_over),),
+    "physics does not ask a session that joins": (
+        Cut(Drivers, "expect", stand_ins.expects_without_waking),
+    ),
+    "the answer of the session before counts": (
+        Cut(barriers.LockstepBarrier, "expect", stand_ins.keeps_the_old_answer),
+    ),
+    "an answer to any tick counts": (
+        Cut(barriers.LockstepBarrier, "take", stand_ins.takes_any_tick),
+    ),
+    "an answer of any session counts": (
+        Cut(barriers.Barrier, "_refuse_other_owner", stand_ins.nothing),
+    ),
+    "any session may take any agent": (Cut(Roster, "may_join", stand_ins.takes_over),),
     "physics waits for no session to leave": (
-        Cut(Roster, "all_have_left", _always),
+        Cut(Roster, "all_have_left", stand_ins.always),
         Cut(loop, "LEAVE_SECONDS", 0.0),
     ),
     "a session that is cut off counts as left": (
@@ -293,37 +115,51 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
     ),
     "the end is published once": (Cut(loop, "END_SECONDS", inf),),
     "any end counts": (Cut(Ending, "end", property(lambda self: self._heard)),),
-    "messages of other runs count": (Cut(inbound, "refuse_other_run", _checks_no_run),),
-    "a resumed run waits for no agent": (Cut(loop.RunLoop, "gather", _nothing),),
+    "messages of other runs count": (Cut(inbound, "refuse_other_run", stand_ins.checks_no_run),),
+    "a resumed run waits for no agent": (Cut(loop.RunLoop, "gather", stand_ins.nothing),),
     "physics begins without its hosts after a reset": (Cut(agents, "RESET", "never"),),
     "snapshots stay after a reset": (Cut(snapshot, "_outdated", lambda path: []),),
-    "the newest snapshot counts, as it is": (Cut(physics, "last", _first_in_folder),),
-    "no snapshot is written": (Cut(snapshots.SnapshotWriter, "is_due", _never),),
-    "a run begins before it is kept": (Cut(PhysicsRun, "keep_at_once", _always),),
-    "a pause makes agents late": (Cut(RunClock, "__call__", _goes_on_while_paused),),
-    "realtime: old velocities drive on": (Cut(commands.RecentTicks, "is_over", _never),),
-    "physics is given up at once": (Cut(agents, "Host", _without_patience),),
-    "deeds are lost": (Cut(barriers.LockstepBarrier, "actions", _without_deeds),),
-    "deeds are done twice": (Cut(barriers.LockstepBarrier, "actions", _with_deeds_twice),),
-    "deeds are done a tick late": (Cut(barriers.LockstepBarrier, "actions", _with_deeds_late),),
+    "the newest snapshot counts, as it is": (Cut(physics, "last", stand_ins.first_in_folder),),
+    "no snapshot is written": (Cut(snapshots.SnapshotWriter, "is_due", stand_ins.never),),
+    "a run begins before it is kept": (Cut(PhysicsRun, "keep_at_once", stand_ins.always),),
+    "a pause makes agents late": (Cut(RunClock, "__call__", stand_ins.goes_on_while_paused),),
+    "realtime: old velocities drive on": (Cut(commands.RecentTicks, "is_over", stand_ins.never),),
+    "physics is given up at once": (Cut(agents, "Host", stand_ins.without_patience),),
+    "deeds are lost": (Cut(barriers.LockstepBarrier, "actions", stand_ins.without_deeds),),
+    "deeds are done twice": (Cut(barriers.LockstepBarrier, "actions", stand_ins.with_deeds_twice),),
+    "deeds are done a tick late": (
+        Cut(barriers.LockstepBarrier, "actions", stand_ins.with_deeds_late),
+    ),
     "a silent session keeps its agents that were not asked": (
-        Cut(Drivers, "give_up", _keeps_what_was_not_asked),
+        Cut(Drivers, "give_up", stand_ins.keeps_what_was_not_asked),
     ),
-    "each join moves the deadline": (Cut(barriers.LockstepBarrier, "expect", _moves_the_deadline),),
-    "a session that left and came back counts as left": (Cut(Roster, "join", _stays_left),),
-    "an inbox is not emptied at a reset": (Cut(VirtualInbox, "forget", _nothing),),
-    "what comes quietly wakes nobody": (Cut(VirtualInbox, "put_quietly", _wakes_nobody),),
-    "an agent is not woken": (Cut(Engine, "wake", _nothing),),
+    "each join moves the deadline": (
+        Cut(barriers.LockstepBarrier, "expect", stand_ins.moves_the_deadline),
+    ),
+    "a session that left and came back counts as left": (
+        Cut(Roster, "join", stand_ins.stays_left),
+    ),
+    "an inbox is not emptied at a reset": (Cut(VirtualInbox, "forget", stand_ins.nothing),),
+    "what comes quietly wakes nobody": (Cut(VirtualInbox, "put_quietly", stand_ins.wakes_nobody),),
+    "an agent is not woken": (Cut(Engine, "wake", stand_ins.nothing),),
     "one snapshot is kept": (Cut(snapshot, "KEPT", 1),),
-    "a snapshot of another run counts": (Cut(snapshots, "newest", _newest_of_any_run),),
+    "a snapshot of another run counts": (Cut(snapshots, "newest", stand_ins.newest_of_any_run),),
     "figures are kept before the step is reported": (
-        Cut(loop.RunLoop, "_tick", _keeps_before_it_reports),
+        Cut(loop.RunLoop, "_tick", stand_ins.keeps_before_it_reports),
     ),
-    "an emergency stop is not kept": (Cut(inbound.Queries, "_stop", _stops_without_keeping),),
-    "a snapshot forgets which robots are stopped": (Cut(Engine, "as_data", _without_stops),),
-    "a paused run does one step too many": (Cut(RunClock, "count_step", _counts_one_step_less),),
+    "an emergency stop is not kept": (
+        Cut(inbound.Queries, "_stop", stand_ins.stops_without_keeping),
+    ),
+    "a snapshot forgets which robots are stopped": (
+        Cut(Engine, "as_data", stand_ins.without_stops),
+    ),
+    "a paused run does one step too many": (
+        Cut(RunClock, "count_step", stand_ins.counts_one_step_less),
+    ),
     "advice drives for one tick too long": (Cut(commands, "WATCHDOG_TICKS", 6),),
-    "the session of a key is not checked": (Cut(inbound, "_refuse_other_session", _nothing),),
+    "the session of a key is not checked": (
+        Cut(inbound, "_refuse_other_session", stand_ins.nothing),
+    ),
     "a token that goes is not forgotten": (
         _with_words(Roster, "token", "self.tokens.discard((name, owner))", "pass"),
     ),

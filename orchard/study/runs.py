@@ -7,7 +7,7 @@ import hashlib
 import inspect
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -37,6 +37,7 @@ from orchard.report.bounds import Bounds
 from orchard.report.limits import limit_of_question, with_seed
 from orchard.report.long_run import long_run
 from orchard.report.metrics import HarvestFigures, harvest_figures
+from orchard.sim.engine import Engine
 from orchard.study.result import Horizon, Model
 
 LEAST_RATE = 1e-6  # bins an hour; the limits are for what comes from a store
@@ -108,14 +109,13 @@ class PlannedRun:
         Return None if a full one is not over at `until`, as time.time().
         """
         begun = time.perf_counter()
+        outcome: RunResult | None
         if self.model == "proven":
-            outcome: RunResult | None = _proven(self.scenario)
+            outcome = _proven(self.scenario)
+        elif self.model == "full":
+            outcome = _full(self.scenario, until)
         else:
-            outcome = (
-                _full(self.scenario, until)
-                if self.model == "full"
-                else _fast(self.scenario, self.horizon)
-            )
+            outcome = _fast(self.scenario, self.horizon)
         if outcome is None:
             return None
         return RunRecord(
@@ -231,7 +231,7 @@ def software() -> str:
 
 
 def _fast(scenario: Scenario, horizon: Horizon) -> RunResult:
-    """A harvest, or a long run, by the discrete-event model."""
+    """Return how a harvest, or a long run, goes in the event model."""
     layout = lay_out(scenario)
     bounds = Bounds(layout)
     is_long = horizon == "long"
@@ -241,28 +241,27 @@ def _fast(scenario: Scenario, horizon: Horizon) -> RunResult:
         "bottleneck": limit.bottleneck,
     }
     try:
-        found = (
-            long_run(layout, bounds=bounds, limit=limit)
-            if is_long
-            else DiscreteHarvest(layout).run().figures()
-        )
+        if is_long:
+            figures = vars(long_run(layout, bounds=bounds, limit=limit))
+        else:
+            figures = vars(DiscreteHarvest(layout).run().figures())
     except Jam as jam:
         return RunResult(bins=0, ended="jammed", faults=str(jam), **known)
-    return RunResult(ended="harvested", **vars(found), **known)
+    return RunResult(ended="harvested", **figures, **known)
 
 
 def _proven(scenario: Scenario) -> RunResult:
-    """What is proven of the shortest harvest, as if it were one."""
-    from orchard.optimum.schedule import (
-        optimum,
-    )  # not at the top: it is an extra, and takes half a second to load
+    """Return what is proven of the shortest harvest, as if it were one."""
+    # It is an extra, and takes half a second to load.
+    from orchard.optimum.schedule import optimum
 
     layout = lay_out(scenario)
-    found, bounds = optimum(layout, WORK), Bounds(layout)
+    proof = optimum(layout, WORK)
+    bounds = Bounds(layout)
     return RunResult(
-        sim_seconds=found.proven_seconds,
-        bins=found.bins,
-        bins_per_hour=3600.0 * found.bins / found.proven_seconds,
+        sim_seconds=proof.proven_seconds,
+        bins=proof.bins,
+        bins_per_hour=3600.0 * proof.bins / proof.proven_seconds,
         bound_bins_per_hour=bounds.bins_per_hour,
         bottleneck=bounds.bottleneck,
         ended="harvested",
@@ -270,44 +269,49 @@ def _proven(scenario: Scenario) -> RunResult:
 
 
 def _full(scenario: Scenario, until: float) -> RunResult | None:
-    """A harvest by the simulator, without a hash; None if the clock is at `until` before it
-    ends.
+    """Return how a harvest goes in the simulator; None if the clock is at `until` before it ends.
+
+    It has no hash.
     """
-    local, figures = Local(scenario, is_hashed=False), HarvestFigures()
-    engine, ends = local.engine, scenario.dispatch_errors == END
-    while (
-        not engine.over
-        and not figures.jammed(engine.world)
-        and not (ends and figures.orders_refused)
-    ):
+    local = Local(scenario, is_hashed=False)
+    engine = local.engine
+    figures = HarvestFigures()
+    ends_at_refusal = scenario.dispatch_errors == END
+    while not engine.over and not figures.jammed(engine.world):
+        if ends_at_refusal and figures.orders_refused:
+            break
         figures.update(engine.world, local.tick(), local.answers)
         if time.time() > until:
             return None
-    found, violations = harvest_figures(engine.world, figures), engine.violations()
-    names = (
-        "sim_seconds",
-        "picker_waiting_seconds",
-        "carrier_utilisation",
-        "bottleneck",
-    )
+    summary = harvest_figures(engine.world, figures)
+    violations = engine.violations()
     return RunResult(
-        **{name: found[name] for name in names},
-        bins=found["bins_delivered"],
-        bins_per_hour=found["bins_delivered"] * 3600.0 / found["sim_seconds"],
-        bound_bins_per_hour=found["limit_bins_per_hour"],
-        ended="violated" if violations else "harvested" if engine.over else "jammed",
+        sim_seconds=summary["sim_seconds"],
+        bins=summary["bins_delivered"],
+        bins_per_hour=summary["bins_delivered"] * 3600.0 / summary["sim_seconds"],
+        picker_waiting_seconds=summary["picker_waiting_seconds"],
+        carrier_utilisation=summary["carrier_utilisation"],
+        bound_bins_per_hour=summary["limit_bins_per_hour"],
+        bottleneck=summary["bottleneck"],
+        ended=_end_of(engine, violations),
         violations="\n".join(violations),
-        faults="\n".join(_faults(found)),
+        faults="\n".join(_faults(summary)),
     )
 
 
-def _faults(found: dict[str, Any]) -> list[str]:
-    refused = (
-        [f"refused decisions of the dispatch policy: {found['orders_refused']}"]
-        if found["orders_refused"]
-        else []
-    )
-    return [*refused, *(f"{agent} was broken" for agent in found["broken_agents"])]
+def _end_of(engine: Engine, violations: Sequence[str]) -> Ended:
+    """Return how a harvest in the simulator has ended."""
+    if violations:
+        return "violated"
+    return "harvested" if engine.over else "jammed"
+
+
+def _faults(summary: dict[str, Any]) -> list[str]:
+    """Return what has gone wrong in a run, a line each."""
+    faults = [f"{agent} was broken" for agent in summary["broken_agents"]]
+    if summary["orders_refused"]:
+        faults.insert(0, f"refused decisions of the dispatch policy: {summary['orders_refused']}")
+    return faults
 
 
 # -- the source of the user's own classes

@@ -7,7 +7,10 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+import numpy as np
+
 from orchard.field.problems import Problem, ScenarioError, key_text
+from orchard.field.scenario import check
 from orchard.field.survey import FEWEST_ROWS, MOST_ROWS, TRUNK
 from orchard.surveys.choosing import Chosen, blocks_of, chosen, listed
 from orchard.surveys.features import POINT, POLYGON, Feature
@@ -201,20 +204,31 @@ def _hints(rows: TurnedLines, features: Sequence[Feature], source: Source) -> li
         commands = [source.command(block=name) for name in blocks]
         text = f"has blocks; each alone may fit: {listed(commands, 20)}"
         hints.append(Problem(source.file, text))
-    lengths = []
-    for line in rows.lines:
-        lengths.append(float(abs(line.points[-1] - line.points[0])))
-    spacing = _usual_spacing(rows.lines)
-    width = spacing - TRUNK
-    hints.append(
-        Problem(
-            source.file,
-            f"an answer anyway: equal rows, by a scenario with `rows: {len(rows.lines)}`,"
-            f" `row_length: {median(lengths):.1f}`, `row_width: {width:.2f}`; a line that is no row"
-            f" is left out by --without NAME",
-        )
-    )
+    text = "a line that is no row is left out by --without NAME"
+    equal_rows = _equal_rows(rows.lines)
+    if equal_rows:
+        text = f"an answer anyway: equal rows, by a scenario with {equal_rows}; {text}"
+    hints.append(Problem(source.file, text))
     return hints
+
+
+def _equal_rows(lines: Sequence[SurveyedLine]) -> str:
+    """Return the values of a scenario with as many equal rows; "" if there can be none."""
+    # Along the rows: a line may come back to where it began.
+    length = median([float(np.ptp(line.points.real)) for line in lines])
+    values = {
+        "rows": len(lines),
+        "row_length": round(length, 1),
+        "row_width": round(_usual_spacing(lines) - TRUNK, 2),
+    }
+    try:
+        check(values, "")
+    except ScenarioError:
+        return ""
+    return (
+        f"`rows: {values['rows']}`, `row_length: {values['row_length']:.1f}`, `row_width:"
+        f" {values['row_width']:.2f}`"
+    )
 
 
 def _fits(source: Source, **changes: Any) -> bool:

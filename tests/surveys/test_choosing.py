@@ -92,6 +92,21 @@ def test_curved_rows_are_refused_with_equal_rows_to_ask_about(tmp_path):
     assert f"{answer} `row_width: 5.50`" in words
 
 
+def test_equal_rows_that_cannot_be_are_not_offered(tmp_path):
+    """Lines that end where they begin are as long as they reach; others are too short for rows."""
+    there_and_back = [[pair(-6j * i), pair(60 - 6j * i), pair(-6j * i)] for i in range(4)]
+    there_and_back[3][1] = pair(60 - 15j)
+    features = [feature("LineString", line, row=f"r{i}") for i, line in enumerate(there_and_back)]
+    words = told(write_features(tmp_path / "a.geojson", features))
+    assert "`row_length: 60.0`" in words
+    short = []
+    for i in range(4):
+        short.append(feature("LineString", [pair(-6j * i), pair(3 - 6j * i)], row=f"r{i}"))
+    words = told(write_features(tmp_path / "b.geojson", short))
+    assert "row_length" not in words
+    assert "a line that is no row is left out by --without NAME" in words
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -50,3 +50,14 @@ def name_of(candidates: list[Any], number: int) -> str:
         if isinstance(candidate, str | int) and str(candidate):
             return printable(str(candidate), 60)
     return f"number {number}"
+
+
+def fault_of_holes(count: int) -> str:
+    """Return what is wrong with a polygon that has so many holes; "" if it has none."""
+    if not count:
+        return ""
+    holes = "a hole" if count == 1 else f"{count} holes"
+    return (
+        f"has {holes}, and rows would go through; draw it without, or as polygons beside the hole,"
+        " each imported by itself"
+    )

@@ -16,6 +16,7 @@ from orchard.surveys.features import (
     POLYGON,
     Feature,
     SurveyFile,
+    fault_of_holes,
     name_of,
 )
 
@@ -89,7 +90,8 @@ def _feature(members: dict[str, Any], number: int) -> Feature:
             raise ValueError("has no points")
     except ValueError as error:
         return feature._replace(fault=str(error))
-    return feature._replace(parts=tuple(parts))
+    holes = sum(len(part) - 1 for part in listed) if kind == POLYGON else 0
+    return feature._replace(parts=tuple(parts), fault=fault_of_holes(holes))
 
 
 def _part(coordinates: Any, kind: str, is_single: bool) -> np.ndarray:
@@ -100,7 +102,7 @@ def _part(coordinates: Any, kind: str, is_single: bool) -> np.ndarray:
     if is_single:
         coordinates = [coordinates]
     if kind == POLYGON:
-        # The first ring is the outline; the others are holes.
+        # The first ring is the outline; the others are holes, which `_feature` refuses.
         coordinates = coordinates[0] if isinstance(coordinates, list) and coordinates else []
     if not isinstance(coordinates, list):
         coordinates = []

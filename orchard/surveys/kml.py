@@ -20,6 +20,7 @@ from orchard.surveys.features import (
     POLYGON,
     Feature,
     SurveyFile,
+    fault_of_holes,
     name_of,
 )
 
@@ -113,11 +114,12 @@ def _feature(placemark: Element, folder: str, number: int) -> Feature:
     try:
         parts = []
         for geometry in geometries:
-            # Of a polygon the first one is the outline; the others are holes.
+            # Of a polygon the first one is the outline.
             parts.append(_points(next(geometry.iter("coordinates"), None), kind))
     except ValueError as error:
         return feature._replace(fault=str(error))
-    return feature._replace(parts=tuple(parts))
+    holes = sum(len(geometry.findall("innerBoundaryIs")) for geometry in geometries)
+    return feature._replace(parts=tuple(parts), fault=fault_of_holes(holes))
 
 
 def _points(element: Element | None, kind: str) -> np.ndarray:

@@ -8,7 +8,16 @@ import numpy as np
 
 from orchard.field.problems import Problem, ScenarioError, printable
 from orchard.surveys.choosing import listed
-from orchard.surveys.features import LINE, NAMES, POINT, POLYGON, Feature, SurveyFile, name_of
+from orchard.surveys.features import (
+    LINE,
+    NAMES,
+    POINT,
+    POLYGON,
+    Feature,
+    SurveyFile,
+    fault_of_holes,
+    name_of,
+)
 from orchard.surveys.options import Source
 
 _KINDS = {"LineString": LINE, "LinearRing": LINE, "Polygon": POLYGON, "Point": POINT}
@@ -77,8 +86,10 @@ def _feature(shape: Any, properties: dict[str, Any], number: int) -> Feature:
         return Feature(name, "", "null", (), properties)
     parts = []
     kinds = set()
+    holes = 0
     for part in shapely.get_parts(shape):
         kinds.add(_KINDS.get(part.geom_type, ""))
+        holes += max(0, int(shapely.get_num_interior_rings(part)))
         outline = shapely.get_exterior_ring(part) if part.geom_type == "Polygon" else part
         x, y = shapely.get_coordinates(outline).T
         parts.append(x + 1j * y)
@@ -88,4 +99,4 @@ def _feature(shape: Any, properties: dict[str, Any], number: int) -> Feature:
         return feature._replace(fault="has a point that is not finite")
     if kind == LINE and min(len(set(part.tolist())) for part in parts) < 2:
         return feature._replace(fault="must have at least two different points")
-    return feature
+    return feature._replace(fault=fault_of_holes(holes))

@@ -95,3 +95,15 @@ BOMB = '<!DOCTYPE kml [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;">]>'
 )
 def test_what_is_no_kml_of_rows_is_told(tmp_path, text: str, words: str):
     assert words in told(tmp_path / "rows.kml", text)
+
+
+def test_an_outline_with_a_hole_is_refused(tmp_path):
+    """Rows would go through."""
+    ring = "<LinearRing><coordinates>{}</coordinates></LinearRing>"
+    outer = ring.format("176.32,-37.79 176.33,-37.79 176.33,-37.8 176.32,-37.8 176.32,-37.79")
+    inner = ring.format("176.324,-37.794 176.326,-37.794 176.326,-37.796 176.324,-37.794")
+    outline = f"<outerBoundaryIs>{outer}</outerBoundaryIs>"
+    hole = f"<innerBoundaryIs>{inner}</innerBoundaryIs>"
+    text = kml(placemark("Top", f"<Polygon>{outline}{hole}{hole}</Polygon>"))
+    words = told(tmp_path / "top.kml", text)
+    assert "feature Top: has 2 holes, and rows would go through; draw it without" in words

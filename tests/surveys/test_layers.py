@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from made_surveys import CIRCUIT, straight_rows, write_features
+from made_surveys import CIRCUIT, feature, pair, straight_rows, write_features
 
 from orchard.field.problems import ScenarioError
 from orchard.surveys.importing import import_survey
@@ -84,3 +84,14 @@ def test_the_extra_is_told_where_it_is_missing(tmp_path, monkeypatch, package: s
     write(path, straight_rows())
     monkeypatch.setitem(sys.modules, package, None)
     assert f"{path}: needs the package {package}: pip install 'orchard-sim[gis]'" in told(path)
+
+
+@pytest.mark.parametrize("ending", ["gpkg", "shp"])
+def test_an_outline_with_a_hole_is_refused(tmp_path, ending: str):
+    """Rows would go through."""
+    corners = (0j, 120 + 0j, 120 - 50j, -50j, 0j)
+    hole = (30 - 20j, 40 - 20j, 40 - 30j, 30 - 20j)
+    rings = [[pair(corner) for corner in ring] for ring in (corners, hole)]
+    path = tmp_path / f"top.{ending}"
+    write(path, [feature("Polygon", rings, row="Top")])
+    assert "feature Top: has a hole, and rows would go through" in told(path, spacing=5.0)

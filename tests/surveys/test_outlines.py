@@ -108,3 +108,18 @@ def test_two_outlines_are_told_by_name(tmp_path):
     imported = import_survey(path, ImportOptions(spacing=5.0, without=("Low",)))
     assert imported.scenario.rows == 10
     assert import_survey(path, ImportOptions(spacing=5.0, block="2")).scenario.rows == 12
+
+
+HOLE = [pair(corner) for corner in (30 - 20j, 40 - 20j, 40 - 30j, 30 - 30j, 30 - 20j)]
+
+
+def test_an_outline_with_a_hole_is_refused(tmp_path):
+    """Rows would go through. A shed with a yard is left out as before."""
+    outline = [*box(0.0, -50.0, 120.0, 0.0), HOLE]
+    several = [[*box(0.0, -50.0, 120.0, 0.0), HOLE, HOLE]]
+    for kind, rings, holes in (("Polygon", outline, "a hole"), ("MultiPolygon", several, "2 hole")):
+        path = write_features(tmp_path / "a.geojson", [feature(kind, rings, name="Top")])
+        assert f"feature Top: has {holes}" in told(path, spacing=5.0)
+    lines = [feature("LineString", [pair(-6j * i), pair(60 - 6j * i)]) for i in range(4)]
+    path = write_features(tmp_path / "b.geojson", [*lines, feature("Polygon", outline)])
+    assert import_survey(path).scenario.rows == 4

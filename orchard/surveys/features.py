@@ -1,6 +1,7 @@
 """What every file of a survey is read into: features with their points."""
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,8 @@ POLYGON = "polygon"
 POINT = "point"
 # Properties that name a feature without an id.
 NAMES = ("id", "fid", "name", "row")
+# Characters of a name.
+LONGEST_NAME = 60
 
 
 class Feature(NamedTuple):
@@ -48,8 +51,35 @@ def name_of(candidates: list[Any], number: int) -> str:
     """Return what names a feature: the first candidate that can, else its number in the file."""
     for candidate in candidates:
         if isinstance(candidate, str | int) and str(candidate):
-            return printable(str(candidate), 60)
+            return str(candidate)
     return f"number {number}"
+
+
+def short_names(names: Iterable[str]) -> dict[str, str]:
+    """Return a name for each one, printable and of at most LONGEST_NAME characters.
+
+    Different names have different ones: those that would be alike get a number.
+    """
+    short: dict[str, str] = {}
+    taken = set[str]()
+    # Of each name that several would have, how many do.
+    alike = Counter[str]()
+    for name in dict.fromkeys(names):
+        first = printable(name, LONGEST_NAME)
+        candidate = first
+        while candidate in taken:
+            alike[first] += 1
+            ending = f" ({alike[first] + 1})"
+            candidate = printable(name, LONGEST_NAME - len(ending)) + ending
+        taken.add(candidate)
+        short[name] = candidate
+    return short
+
+
+def with_short_names(features: list[Feature]) -> list[Feature]:
+    """Return features with names that can be shown, and that a scenario can have."""
+    short = short_names(feature.name for feature in features)
+    return [feature._replace(name=short[feature.name]) for feature in features]
 
 
 def fault_of_holes(count: int) -> str:

@@ -4,7 +4,7 @@ from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
 
 from orchard.field.problems import Problem, ScenarioError
 from orchard.folders import regular
-from orchard.surveys.features import SurveyFile
+from orchard.surveys.features import SurveyFile, with_short_names
 from orchard.surveys.geojson import read_geojson
 from orchard.surveys.kml import read_kml
 from orchard.surveys.layers import GEOPACKAGE, SHAPEFILE, read_layers
@@ -32,6 +32,12 @@ _BESIDE_SHAPEFILE = (".shx", ".dbf", ".prj", ".cpg", ".qpj")
 
 def read_survey(source: Source) -> SurveyFile:
     """Return what a file holds. Raises ScenarioError."""
+    survey = _read(source)
+    return survey._replace(features=with_short_names(survey.features))
+
+
+def _read(source: Source) -> SurveyFile:
+    """Return what a file holds, with names as they stand there. Raises ScenarioError."""
     content = _content(source)
     for beginning, words in _OTHERS.items():
         if content.startswith(beginning):

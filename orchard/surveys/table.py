@@ -184,7 +184,7 @@ def _row(record: _Record, columns: _Columns) -> Feature:
     """Return a line with both ends of a row as a feature."""
     name = _row_name(record, columns) or f"line {record.number}"
     points = np.array(record.points)
-    feature = Feature(printable(name, 60), LINE, "row", (points,), record.properties)
+    feature = Feature(name, LINE, "row", (points,), record.properties)
     if points[0] == points[-1]:
         return feature._replace(fault="must have two different ends")
     return feature
@@ -216,6 +216,6 @@ def _points_of(records: list[_Record], columns: _Columns) -> list[Feature]:
         if len(set(points.tolist())) < 2:
             numbers = listed([str(record.number) for record in of_row])
             fault = f"has one end, on line {numbers}; must have two"
-        row = Feature(printable(name, 60), LINE, "row", (points,), of_row[0].properties, fault)
+        row = Feature(name, LINE, "row", (points,), of_row[0].properties, fault)
         features.append(row)
     return features

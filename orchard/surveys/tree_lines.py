@@ -9,7 +9,7 @@ import numpy as np
 
 from orchard.field.problems import Problem, ScenarioError, printable
 from orchard.field.survey import MISSING
-from orchard.surveys.features import Feature
+from orchard.surveys.features import Feature, short_names
 from orchard.surveys.options import LANES, TREES, Source
 from orchard.surveys.plane import middle
 from orchard.surveys.rows import SurveyedLine, TurnedLines
@@ -31,12 +31,13 @@ def lanes_between(trees: TurnedLines) -> tuple[TurnedLines, list[str]]:
     usual = median(gaps)
     lanes = []
     roads = []
-    for gap, (north, south) in zip(gaps, pairwise(trees.lines), strict=True):
-        name = printable(f"{north.id}-{south.id}", 60)
+    names = [f"{north.id}-{south.id}" for north, south in pairwise(trees.lines)]
+    short = short_names(names)
+    for gap, name, (north, south) in zip(gaps, names, pairwise(trees.lines), strict=True):
         if gap >= MISSING * usual:
-            roads.append(f"{name} ({gap:.2f} m)")
+            roads.append(f"{short[name]} ({gap:.2f} m)")
             continue
-        lanes.append(SurveyedLine(name, _midway(north.points, south.points)))
+        lanes.append(SurveyedLine(short[name], _midway(north.points, south.points)))
     notes = []
     if roads:
         notes.append(

@@ -107,6 +107,20 @@ def test_equal_rows_that_cannot_be_are_not_offered(tmp_path):
     assert "a line that is no row is left out by --without NAME" in words
 
 
+def test_rows_with_names_alike_at_first_are_told_apart(tmp_path):
+    """A name has at most 60 characters: longer ones that begin alike get a number."""
+    features = []
+    for i in range(4):
+        name = f"{'block of kiwifruit at the river, ' * 3}row {i + 1}"
+        features.append(feature("LineString", [pair(-6j * i), pair(60 - 6j * i)], row=name))
+    path = write_features(tmp_path / "a.geojson", features)
+    for lines in ("lanes", "trees"):
+        rows = import_survey(path, ImportOptions(lines=lines)).scenario.survey.rows
+        names = [row.id for row in rows]
+        assert len(set(names)) == len(names)
+        assert max(map(len, names)) <= 60
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -64,7 +64,7 @@ class DiscreteHarvest:
         # It loads numba, which takes a second. Who does no harvest needs none of it.
         from orchard.event_model.harvest import EventHarvest
 
-        self.layout = layout if rows_each is None else _picked_again(layout, rows_each)
+        self.layout = layout if rows_each is None else picked_again(layout, rows_each)
         self.model = EventHarvest(self.layout)
 
     def run(self, goes_on: Callable[[], bool] = lambda: True) -> "DiscreteHarvest":
@@ -165,7 +165,7 @@ class DiscreteHarvest:
         return self.model.carrier_utilisation(since, until)
 
 
-def _picked_again(layout: Layout, rows_each: int) -> Layout:
+def picked_again(layout: Layout, rows_each: int) -> Layout:
     """Return a layout in which each picker picks so many rows, its own again and again."""
     blocks = {}
     for name, block in layout.blocks.items():

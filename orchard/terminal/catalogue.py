@@ -95,6 +95,11 @@ COMMANDS = {
         "study",
         "compare settings: how many carriers, which policy, which route",
     ),
+    "calibrate": CommandEntry(
+        "orchard.calibrate.commands",
+        "calibrate",
+        "fit a scenario to your own log of bins",
+    ),
     "fork": CommandEntry(
         "orchard.futures.commands",
         "fork",

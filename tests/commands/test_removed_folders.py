@@ -25,13 +25,14 @@ HARVEST = ["harvest", "--rows", "3", "--mode", "local", "--record", "none", "--d
 IN_NEED: dict[str, list[list[str]]] = {
     "app": [],
     "bags": [],
+    "calibrate": [],
     "futures": [],
     "gym": [],
     "optimum": [["bound"], ["benchmark", "nearest", "--secret", "orchard/local.py"]],
     "roads": [["layout", "export", "--lif", "map.json"]],
     "study": [["app"], ["fork", "last", "--at", "1", "--futures", "2"]],
 }
-EXTRAS = ["app", "bags", "gym", "optimum", "roads", "study"]
+EXTRAS = ["app", "bags", "calibrate", "gym", "optimum", "roads", "study"]
 # Of three packages that stay, tests that need no other process.
 TESTS = ("tests/plans/test_steps.py", "tests/wire/test_keys.py", "tests/sim/test_deeds.py")
 # Their tests are about other packages than those of extras, and import none of these.

@@ -1,0 +1,242 @@
+"""The bins of a log: when each was full, fetched and unloaded.
+
+The events of a bin have no number in common. What is fetched is the full bin of its picker, or of
+its row. What is unloaded is the oldest one that was fetched, by the same carrier if lines name it.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import date, datetime
+from itertools import groupby, pairwise
+
+from orchard.calibrate.log_lines import EVENTS, BinLog, LogLine, whose
+from orchard.field.problems import Problem, ScenarioError
+from orchard.field.scenario import WorkShift
+from orchard.field.scenario.shift import minutes_of
+
+# A time without any event is told if it is so long, and so many times as long as the mean.
+LEAST_SILENCE = 900.0  # s
+TIMES_THE_MEAN = 10.0
+
+
+@dataclass(frozen=True)
+class BinTimes:
+    """A bin, in a log or in a model. Times are working seconds of its day; None: not known."""
+
+    picker: str
+    row: str
+    carrier: str
+    #: Days are compared, and nothing else.
+    day: date
+    full: float
+    fetched: float | None
+    unloaded: float | None
+    #: Of the log; 0 in a model.
+    line: int = 0
+
+    @property
+    def chain(self) -> str:
+        """Who fills one bin after another: its picker, or else its row."""
+        return self.picker or f"row {self.row}"
+
+
+@dataclass(frozen=True)
+class Silence:
+    """A time of a day in which nothing was logged, in working seconds."""
+
+    day: date
+    begin: float
+    end: float
+
+
+@dataclass(frozen=True)
+class LoggedBins:
+    """The bins of a log, in the order in which they were full.
+
+    `gaps`: what is told of lines that are missing.
+    """
+
+    bins: list[BinTimes]
+    silences: list[Silence]
+    gaps: list[str]
+
+
+@dataclass
+class _OpenBin:
+    """A bin while the log is read."""
+
+    full: LogLine
+    fetched: LogLine | None = None
+    unloaded: LogLine | None = None
+    #: Whether the next bin was full before this one was fetched, and whether another one after it
+    #: was: then it will not be fetched.
+    is_overtaken: bool = False
+    is_lost: bool = False
+
+    @property
+    def waits(self) -> bool:
+        """Whether it may still be fetched."""
+        return self.fetched is None and not self.is_lost
+
+
+def bins_of(log: BinLog, shift: WorkShift) -> LoggedBins:
+    """Return the bins of a log. `shift`: its breaks are no working time.
+
+    Raises ScenarioError for events that cannot be, such as a bin that is fetched before it is full.
+    """
+    in_order = sorted(log.lines, key=lambda line: (line.time, EVENTS.index(line.event)))
+    book = _BinBook(log.file)
+    for line in in_order:
+        book.take(line)
+    if book.problems:
+        raise ScenarioError(book.problems)
+    gaps = list(book.gaps(frozenset(line.event for line in log.lines)))
+    silences = []
+    for before, after in _silences(in_order, shift):
+        gaps.append(_silence_words(log.file, before, after))
+        begin = worked_seconds(before.time, shift)
+        end = worked_seconds(after.time, shift)
+        silences.append(Silence(before.time.date(), begin, end))
+    bins = [_times_of(opened, shift) for opened in book.bins]
+    return LoggedBins(bins, silences, gaps)
+
+
+def _times_of(opened: _OpenBin, shift: WorkShift) -> BinTimes:
+    """Return the times of a bin."""
+    full = opened.full
+    times = {}
+    for name, line in (("fetched", opened.fetched), ("unloaded", opened.unloaded)):
+        is_same_day = line is not None and line.time.date() == full.time.date()
+        times[name] = worked_seconds(line.time, shift) if line and is_same_day else None
+    carrier = opened.fetched.carrier if opened.fetched is not None else ""
+    return BinTimes(
+        picker=full.picker,
+        row=full.row,
+        carrier=carrier,
+        day=full.time.date(),
+        full=worked_seconds(full.time, shift),
+        line=full.number,
+        **times,
+    )
+
+
+class _BinBook:
+    """Matches events to bins, in the order of time."""
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self.bins: list[_OpenBin] = []
+        self.problems: list[Problem] = []
+
+    def take(self, line: LogLine) -> None:
+        """Take an event."""
+        if line.event == "full":
+            self._begin(line)
+        elif line.event == "fetched":
+            self._fetch(line)
+        else:
+            self._unload(line)
+
+    def _begin(self, line: LogLine) -> None:
+        """Begin a bin. One of the same picker that was not fetched is overtaken."""
+        for opened in self.bins:
+            if opened.waits and _is_of(line, opened.full):
+                opened.is_lost = opened.is_overtaken
+                opened.is_overtaken = True
+        self.bins.append(_OpenBin(line))
+
+    def _fetch(self, line: LogLine) -> None:
+        """Find the bin that is fetched: the newest one, because a line of older ones is missing."""
+        for opened in reversed(self.bins):
+            if opened.waits and _is_of(line, opened.full):
+                opened.fetched = line
+                return
+        text = (
+            f"fetched at {line.time.isoformat(' ')}, and no bin of {whose(line)} is full then"
+            f"{self._last_of(line)}; a bin must be full before it is fetched"
+        )
+        self.problems.append(Problem(self.file, text, line=line.number))
+
+    def _unload(self, line: LogLine) -> None:
+        """Find the bin that is unloaded: the oldest one that was fetched."""
+        for opened in self.bins:
+            if opened.fetched is None or opened.unloaded is not None:
+                continue
+            is_carried = not line.carrier or opened.fetched.carrier in ("", line.carrier)
+            if is_carried and _is_of(line, opened.full):
+                opened.unloaded = line
+                return
+        text = (
+            f"unloaded at {line.time.isoformat(' ')}, and no bin of {whose(line)} is on its way"
+            f" then{self._last_of(line)}; a bin must be fetched before it is unloaded"
+        )
+        self.problems.append(Problem(self.file, text, line=line.number))
+
+    def _last_of(self, line: LogLine) -> str:
+        """Return what the log says of the last bin that may be meant, in words."""
+        for opened in reversed(self.bins):
+            if _is_of(line, opened.full):
+                events = (opened.full, opened.fetched, opened.unloaded)
+                last = [event for event in events if event is not None][-1]
+                return f" (line {last.number}: its last one was {last.event})"
+        return ""
+
+    def gaps(self, logged: frozenset[str]) -> Iterator[str]:
+        """Yield bins of which lines are missing, in words. `logged`: events that there are."""
+        newest = {whose(opened.full): opened for opened in self.bins}
+        for opened in self.bins:
+            line = opened.full
+            name = whose(line)
+            place = f"{self.file}:{line.number}"
+            if opened.is_overtaken and "fetched" in logged:
+                yield (
+                    f"{place}: this bin of {name} was not fetched before the next one was full: a"
+                    " line with fetched is missing; its times are left out"
+                )
+            is_on_its_way = opened.fetched is not None and opened.unloaded is None
+            if is_on_its_way and opened is not newest[name] and "unloaded" in logged:
+                yield (
+                    f"{place}: this bin of {name} was never unloaded: a line with unloaded is"
+                    " missing; its drive is left out"
+                )
+
+
+def _is_of(line: LogLine, full: LogLine) -> bool:
+    """Whether a line may be about the bin that another line says is full."""
+    is_same_row = not line.row or not full.row or line.row == full.row
+    if line.picker and full.picker:
+        # The next bin of a picker may be full in another row.
+        return line.picker == full.picker and (line.event == "full" or is_same_row)
+    return is_same_row
+
+
+def _silences(lines: Sequence[LogLine], shift: WorkShift) -> Iterator[tuple[LogLine, LogLine]]:
+    """Yield the lines before and after each long time of a day in which nothing was logged."""
+    for _, of_day in groupby(lines, key=lambda line: line.time.date()):
+        day = list(of_day)
+        worked = [worked_seconds(line.time, shift) for line in day]
+        mean = (worked[-1] - worked[0]) / len(day)
+        longest = max(LEAST_SILENCE, TIMES_THE_MEAN * mean)
+        for (before, begin), (after, end) in pairwise(zip(day, worked, strict=True)):
+            if end - begin > longest:
+                yield before, after
+
+
+def _silence_words(file: str, before: LogLine, after: LogLine) -> str:
+    """Return a long time without events in words."""
+    return (
+        f"{file}:{after.number}: no event from {before.time:%H:%M} (line {before.number}) to"
+        f" {after.time:%H:%M}: lines are missing, or it is a break, which belongs in shift.breaks"
+        " of the scenario (--on); bins of that time are left out"
+    )
+
+
+def worked_seconds(time: datetime, shift: WorkShift) -> float:
+    """Return the working time from midnight to a time of day, s: without the shift's breaks."""
+    seconds = 3600.0 * time.hour + 60.0 * time.minute + time.second + 1e-6 * time.microsecond
+    stood = 0.0
+    for pause, resumption in shift.breaks:
+        begin = 60.0 * minutes_of(pause)
+        end = 60.0 * minutes_of(resumption)
+        stood += min(max(0.0, seconds - begin), end - begin)
+    return seconds - stood

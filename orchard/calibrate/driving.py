@@ -1,0 +1,144 @@
+"""How fast carriers drive, and how long they take at the bay: estimates from a log.
+
+The time from a fetched bin to the unloaded one grows with the way to the bay. Its slope is what a
+metre takes, and the rest is what is handled and waited for. A model that is as fast has its own
+slope and rest, in which what carriers lose to each other is known.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from statistics import median
+
+import numpy as np
+
+from orchard.calibrate.bins import BinTimes, Silence
+from orchard.calibrate.estimates import FittedValue, estimate
+from orchard.calibrate.picking import MOST_TIMES_THE_MEDIAN, is_silent
+
+# BinDrives, and metres between the shortest and the longest way, from which on a speed is fitted.
+LEAST_DRIVES = 12
+LEAST_METRES = 20.0
+
+
+@dataclass(frozen=True)
+class BinDrives:
+    """Ways from a row to the bay, m, and how long each took, s: (n,) each."""
+
+    metres: np.ndarray
+    seconds: np.ndarray
+
+    @property
+    def reach(self) -> float:
+        """From the shortest way to the longest one, m."""
+        return float(np.ptp(self.metres)) if len(self.metres) else 0.0
+
+
+def drives_of(
+    bins: Sequence[BinTimes],
+    metres_of: Mapping[str, float],
+    silences: Sequence[Silence] = (),
+    file: str = "",
+) -> tuple[BinDrives, list[str]]:
+    """Return the drives of full bins, and a sentence for each that is left out as far too long.
+
+    `metres_of`: row -> its way to the bay, m.
+    """
+    known = []
+    for logged in bins:
+        fetched = logged.fetched
+        unloaded = logged.unloaded
+        if fetched is None or unloaded is None or logged.row not in metres_of:
+            continue
+        if not is_silent(silences, logged.day, fetched, unloaded):
+            known.append((logged, metres_of[logged.row], unloaded - fetched))
+    usual = median(seconds for _, _, seconds in known) if known else 0.0
+    kept = []
+    sentences = []
+    for logged, metres, seconds in known:
+        if not file or seconds <= MOST_TIMES_THE_MEDIAN * usual:
+            kept.append((metres, seconds))
+            continue
+        sentences.append(
+            f"{file}:{logged.line}: this bin was unloaded {seconds / 60.0:.0f} min after it was"
+            f" fetched, {seconds / usual:.1f} times as long as most; its drive is left out"
+        )
+    pairs = np.array(kept).reshape(-1, 2)
+    return BinDrives(pairs[:, 0], pairs[:, 1]), sentences
+
+
+def slope_of(metres: np.ndarray, seconds: np.ndarray, axis: int = -1) -> np.ndarray:
+    """Return what a metre takes, s, by least squares, (...). Both: (..., n)."""
+    away = metres - metres.mean(axis=axis, keepdims=True)
+    squares = (away**2).sum(axis=axis)
+    products = (away * seconds).sum(axis=axis)
+    # All ways of a resample may be equal.
+    unknown = np.full(squares.shape, np.nan)
+    slopes: np.ndarray = np.divide(products, squares, out=unknown, where=squares > 0.0)
+    return slopes
+
+
+@dataclass(frozen=True)
+class DrivingFit:
+    """What the log tells of carriers. A value is None where it does not tell it.
+
+    `speed`: m/s. `unloading`: for which a carrier stands in the bay, s. `why`: why the speed is not
+    told, or "".
+    """
+
+    speed: FittedValue | None
+    unloading: FittedValue
+    count: int
+    why: str = ""
+
+
+def fit_driving(
+    drives: BinDrives,
+    model: BinDrives,
+    model_speed: float,
+    model_unloading: float,
+    confidence: float,
+) -> DrivingFit | None:
+    """Return what a log tells of carriers beside a model; None: there are too few drives.
+
+    `model_speed`, `model_unloading`: those with which the drives of the model came about.
+    """
+    if len(drives.metres) < LEAST_DRIVES:
+        return None
+    mean_of_model = float(model.seconds.mean())
+    metres_of_model = float(model.metres.mean())
+    slope_of_model = float(slope_of(model.metres, model.seconds))
+    # What a metre takes beside driving: robots that wait for each other.
+    lost = slope_of_model - 1.0 / model_speed
+
+    def speed(metres: np.ndarray, seconds: np.ndarray, axis: int = -1) -> np.ndarray:
+        return 1.0 / (slope_of(metres, seconds) - lost)
+
+    def unloading(metres: np.ndarray, seconds: np.ndarray, axis: int = -1) -> np.ndarray:
+        slope = slope_of(metres, seconds)
+        rest = seconds.mean(axis=-1) - slope * metres.mean(axis=-1)
+        rest_of_model = mean_of_model - slope_of_model * metres_of_model
+        times: np.ndarray = rest - rest_of_model + model_unloading
+        return times
+
+    def unloading_alone(metres: np.ndarray, seconds: np.ndarray, axis: int = -1) -> np.ndarray:
+        away = metres.mean(axis=-1) - metres_of_model
+        expected = mean_of_model + slope_of_model * away
+        times: np.ndarray = seconds.mean(axis=-1) - expected + model_unloading
+        return times
+
+    samples = (drives.metres, drives.seconds)
+    why = ""
+    fitted = None
+    if drives.reach < LEAST_METRES:
+        why = f"the ways to the bay differ by {drives.reach:.0f} m only"
+    else:
+        slopes = estimate(float(slope_of(*samples)), samples, slope_of, confidence)
+        if slopes.low <= lost:
+            why = "times do not grow with the way to the bay for certain"
+        else:
+            fitted = estimate(float(speed(*samples)), samples, speed, confidence)
+    rest = unloading_alone if fitted is None else unloading
+    handled = estimate(float(rest(*samples)), samples, rest, confidence)
+    # The rest of a steep slope can be less than nothing. A time in the bay cannot.
+    handled = replace(handled, low=max(0.0, handled.low))
+    return DrivingFit(fitted, handled, len(drives.metres), why)

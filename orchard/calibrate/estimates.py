@@ -1,0 +1,64 @@
+"""An estimate with its interval, and the resampling by which intervals are fitted."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import bootstrap
+
+# Resamples of an interval, and the seed by which they are drawn.
+RESAMPLES = 999
+SEED = 1
+
+Statistic = Callable[..., np.ndarray]
+
+
+@dataclass(frozen=True)
+class FittedValue:
+    """A value that was fitted, and the interval in which it lies.
+
+    `draws`: (RESAMPLES,) the values of all resamples. Those of estimates of one sample belong
+    together.
+    """
+
+    value: float
+    low: float
+    high: float
+    draws: np.ndarray
+
+    def of(self, resample: int | None) -> float:
+        """Return the value of a resample; the estimate itself for None, and for one without any."""
+        if resample is None or not np.isfinite(self.draws[resample]):
+            return self.value
+        return float(self.draws[resample])
+
+    def words(self, digits: int = 3) -> str:
+        """Return the value and its interval in words: "1.52 (1.44 to 1.6)"."""
+        low = f"{self.low:.{digits}g}"
+        high = f"{self.high:.{digits}g}"
+        return f"{self.value:.{digits}g} ({low} to {high})"
+
+
+def estimate(
+    value: float, samples: Sequence[np.ndarray], statistic: Statistic, confidence: float
+) -> FittedValue:
+    """Return an estimate with its percentile interval.
+
+    `samples`: (n,) each, resampled together. `statistic`: of resamples, (..., n) each.
+    """
+    options: dict[str, Any] = {"method": "percentile", "vectorized": True, "axis": -1}
+    result = bootstrap(
+        samples,
+        statistic,
+        n_resamples=RESAMPLES,
+        paired=len(samples) > 1,
+        confidence_level=confidence,
+        rng=np.random.default_rng(SEED),
+        batch=100,
+        **options,
+    )
+    interval = result.confidence_interval
+    low = min(value, float(interval.low))
+    high = max(value, float(interval.high))
+    return FittedValue(value, low, high, result.bootstrap_distribution)

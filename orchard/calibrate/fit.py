@@ -1,0 +1,239 @@
+"""Fits a scenario to the bins of a log.
+
+What a log does not have directly is fitted by the event model. It writes a log of its own with the
+values fitted so far, and what a bin takes there beside them is taken off the user's log. After
+`ROUNDS` rounds the values no longer change.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel
+
+from orchard.calibrate.bins import LoggedBins
+from orchard.calibrate.driving import BinDrives, DrivingFit, drives_of, fit_driving
+from orchard.calibrate.model_bins import metres_to_bay, model_bins
+from orchard.calibrate.picking import (
+    BinInterval,
+    PickingFit,
+    PickingTimes,
+    fit_picking,
+    intervals_of,
+    without_long_ones,
+)
+from orchard.field.layout import lay_out
+from orchard.field.problems import Problem, ScenarioError
+from orchard.field.scenario import NEAREST, Scenario, with_changes
+from orchard.field.scenario.sections import LEAST_CV, Carrying, Handling
+
+ROUNDS = 2
+# Harvests of the model in a round, where the seed matters.
+SEEDS = 3
+# The distribution of what differs, if the scenario does not say one.
+USUAL_SPREAD = "lognormal"
+ALIKE = {"distribution": "none", "cv": 0.3}
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What a log tells, and the scenario with it.
+
+    `left_out`: times that were not used, a sentence each. `notes`: what the log does not tell.
+    """
+
+    scenario: Scenario
+    picking: PickingFit
+    driving: DrivingFit | None
+    left_out: list[str]
+    notes: list[str]
+
+
+def fit(
+    logged: LoggedBins, base: Scenario, has_rows: bool, file: str, confidence: float = 0.95
+) -> Fit:
+    """Return the scenario that fits the bins of a log.
+
+    `base`: all that the log does not tell. `has_rows`: whether rows of the log are those of `base`.
+    Raises ScenarioError if the log has too few bins, or no scenario can be as it says; and what
+    `model_bins` raises.
+    """
+    intervals, left_out = without_long_ones(intervals_of(logged.bins, logged.silences), file)
+    base = base.model_copy(update={"picker_rates": {}})
+    picking = _fit_picking(intervals, _plain(base), file, confidence)
+    notes: list[str] = []
+    scenario = with_changes(base, **_picking_values(base, picking, notes))
+    if not has_rows:
+        notes.append(
+            "the drives of carriers are not told: they need rows in the log, numbered as those of"
+            " the scenario that --on names"
+        )
+        return Fit(scenario, picking, None, left_out, notes)
+    metres = metres_to_bay(lay_out(scenario))
+    drives, long_ones = drives_of(logged.bins, metres, logged.silences, file)
+    driving = _fit_driving(drives, scenario, confidence)
+    if driving is None:
+        notes.append(f"the drives of carriers are not told: {len(drives.metres)} are too few")
+    else:
+        scenario = with_changes(scenario, **driving_values(driving, notes=notes))
+    return Fit(scenario, picking, driving, [*left_out, *long_ones], notes)
+
+
+def _plain(base: Scenario) -> Scenario:
+    """Return a scenario in which nothing differs and nothing fails, and the nearest carrier comes.
+
+    Its policy is compiled, and which carrier comes changes neither ways nor picking.
+    """
+    changes = {
+        "picking.spread": ALIKE,
+        "picking.spread_of_pickers": ALIKE,
+        "picking.failure.mean_between": None,
+        "carrying.failure.mean_between": None,
+        "dispatch": NEAREST,
+    }
+    return with_changes(base, **changes)
+
+
+def _fit_picking(
+    intervals: Sequence[BinInterval], plain: Scenario, file: str, confidence: float
+) -> PickingFit:
+    """Return how fast pickers pick. `plain`: as `_plain` returns it. Raises ScenarioError."""
+    if not intervals:
+        text = (
+            "has no two bins of one picker and day, of which the first was fetched: no picking time"
+            " follows from it"
+        )
+        raise ScenarioError([Problem(file, text)])
+    rate = 3600.0 / float(PickingTimes(intervals).means.mean())
+    beside = 0.0
+    usual = PickingTimes(intervals)
+    for _ in range(ROUNDS):
+        changes = _rate_values(rate)
+        with _as_of_the_log(file, rate):
+            model = with_changes(plain, **changes)
+        of_model = intervals_of(model_bins(model))
+        if not of_model:
+            text = "the scenario that --on names has too few bins in a row to be compared with it"
+            raise ScenarioError([Problem(file, text)])
+        beside = float(PickingTimes(of_model).means.mean()) - 3600.0 / rate
+        usual = PickingTimes(of_model, beside)
+        times = PickingTimes(intervals, beside)
+        if float(times.times.min()) <= 0.0:
+            text = (
+                f"has bins that are full within {beside:.0f} s of the fetched one before them; in"
+                " this scenario the ways of a picker alone take so long"
+            )
+            raise ScenarioError([Problem(file, text)])
+        rate = 3600.0 / float(times.means.mean())
+    with _as_of_the_log(file, rate):
+        with_changes(plain, **_rate_values(rate))
+    try:
+        return fit_picking(PickingTimes(intervals, beside), usual, confidence)
+    except ValueError as error:
+        raise ScenarioError([Problem(file, str(error))]) from None
+
+
+@contextmanager
+def _as_of_the_log(file: str, rate: float) -> Iterator[None]:
+    """In this context, a rate that no scenario can have is told as one of the log."""
+    try:
+        yield
+    except ScenarioError as error:
+        text = (
+            f"its pickers fill {rate:.3g} bins an hour while they pick, which this scenario cannot"
+            f" have: {error.problems[0].text}"
+        )
+        raise ScenarioError([Problem(file, text)]) from None
+
+
+def _rate_values(rate: float) -> dict[str, Any]:
+    """Return the changes of a scenario for a picking rate."""
+    return {"picking_speed": None, "picking_rate": rate}
+
+
+def _picking_values(base: Scenario, picking: PickingFit, notes: list[str]) -> dict[str, Any]:
+    """Return the changes of a scenario by what the log tells of picking."""
+    values = _rate_values(round(picking.rate.value, 4))
+    spreads = {
+        "picking.spread": (picking.between_rows, base.picking.spread, "rows"),
+        "picking.spread_of_pickers": (
+            picking.between_pickers,
+            base.picking.spread_of_pickers,
+            "pickers",
+        ),
+    }
+    for key, (spread, before, name) in spreads.items():
+        values[key] = ALIKE
+        if spread is None:
+            notes.append(f"one picker, so nothing is told of how {name} differ")
+        elif spread.value < LEAST_CV:
+            notes.append(f"{name} do not differ for certain: {key}.distribution is none")
+        else:
+            is_drawn = before.distribution != "none"
+            distribution = before.distribution if is_drawn else USUAL_SPREAD
+            values[key] = {"distribution": distribution, "cv": round(spread.value, 4)}
+    return values
+
+
+def _fit_driving(drives: BinDrives, scenario: Scenario, confidence: float) -> DrivingFit | None:
+    """Return what the log tells of carriers; None: it has too few drives.
+
+    `scenario`: with what it tells of picking.
+    """
+    driving = None
+    for _ in range(ROUNDS):
+        model = _drives_of_model(scenario)
+        speed = scenario.carrying.speed
+        unloading = scenario.handling.unloading
+        driving = fit_driving(drives, model, speed, unloading, confidence)
+        if driving is None:
+            return None
+        scenario = with_changes(scenario, **driving_values(driving))
+    return driving
+
+
+def _drives_of_model(scenario: Scenario) -> BinDrives:
+    """Return the drives of some harvests of the model."""
+    metres = metres_to_bay(lay_out(scenario))
+    bins = []
+    for seed in range(SEEDS):
+        changes = {"seed": seed + 1, "dispatch": NEAREST}
+        bins += model_bins(with_changes(scenario, **changes))
+    return drives_of(bins, metres)[0]
+
+
+def driving_values(
+    driving: DrivingFit, resample: int | None = None, notes: list[str] | None = None
+) -> dict[str, Any]:
+    """Return the changes of a scenario by what the log tells of carriers.
+
+    `resample`: that of its resamples that counts; None: the estimate itself. `notes`: get what is
+    beyond the limits of a scenario.
+    """
+    notes = [] if notes is None else notes
+    values = {}
+    if driving.speed is None:
+        notes.append(f"the speed of carriers is not told: {driving.why}")
+    else:
+        speed = driving.speed.of(resample)
+        values["carrying.speed"] = _within(Carrying, "speed", speed, "carrying.speed", notes)
+    seconds = driving.unloading.of(resample)
+    key = "handling.unloading"
+    values[key] = round(_within(Handling, "unloading", seconds, key, notes), 1)
+    return values
+
+
+def _within(section: type[BaseModel], name: str, value: float, key: str, notes: list[str]) -> float:
+    """Return a value that a scenario can have. If it is another one, `notes` tell it."""
+    limits = {type(limit).__name__: limit for limit in section.model_fields[name].metadata}
+    least = float(limits["Ge"].ge)
+    most = float(limits["Le"].le)
+    possible = round(float(np.clip(value, least, most)), 4)
+    if not least <= value <= most:
+        notes.append(
+            f"{key} would be {value:.3g}; a scenario takes {least:g} to {most:g}, so it is"
+            f" {possible:g}"
+        )
+    return possible

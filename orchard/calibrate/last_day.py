@@ -1,0 +1,147 @@
+"""Tests a fit on a day that it did not see: the bins an hour of the log beside those of the model.
+
+Each run of the model has the pickers and the carriers of that day, values that are drawn from what
+the fit is unsure of, and a seed of its own. A picker that the fit knows has its own rate, another
+one is drawn.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import date
+from statistics import fmean, stdev
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as students_t
+
+from orchard.calibrate.bins import BinTimes, LoggedBins, Silence
+from orchard.calibrate.estimates import RESAMPLES, SEED
+from orchard.calibrate.fit import ALIKE, Fit, driving_values
+from orchard.calibrate.model_bins import first_model_bins
+from orchard.field.kinds import name_of
+from orchard.field.scenario import Scenario, with_changes
+from orchard.field.scenario.sections import LEAST_CV
+
+# Runs of the model.
+RUNS = 20
+# Bins of the day for each picker, from which on it is a test.
+LEAST_BINS = 2
+# Limits of what is drawn for a picker, as a share of the usual rate.
+SLOWEST = 0.2
+QUICKEST = 5.0
+
+
+@dataclass(frozen=True)
+class LastDay:
+    """The bins an hour of a day: those of the log, and the interval in which one day should lie."""
+
+    day: date
+    bins: int
+    pickers: int
+    carriers: int
+    logged: float
+    predicted: float
+    low: float
+    high: float
+
+    @property
+    def is_as_predicted(self) -> bool:
+        """Whether the day lies in the interval."""
+        return self.low <= self.logged <= self.high
+
+
+def split_last_day(logged: LoggedBins) -> tuple[LoggedBins, list[BinTimes]]:
+    """Return the log without its last day, and the bins of that day; [] if there is one day."""
+    last = max(of_log.day for of_log in logged.bins)
+    before = [of_log for of_log in logged.bins if of_log.day < last]
+    if not before:
+        return logged, []
+    of_day = [of_log for of_log in logged.bins if of_log.day == last]
+    return LoggedBins(before, logged.silences, logged.gaps), of_day
+
+
+def rate_of(bins: Sequence[BinTimes], silences: Sequence[Silence] = ()) -> float:
+    """Return the bins an hour of a day, from its first full bin to its last one."""
+    times = [of_log.full for of_log in bins]
+    begin = min(times)
+    end = max(times)
+    silent = 0.0
+    for silence in silences:
+        if silence.day == bins[0].day:
+            silent += max(0.0, min(end, silence.end) - max(begin, silence.begin))
+    return 3600.0 * (len(times) - 1) / (end - begin - silent)
+
+
+def check_on_day(
+    fitted: Fit,
+    of_day: Sequence[BinTimes],
+    silences: Sequence[Silence],
+    confidence: float,
+    tell: Callable[[int], None],
+) -> LastDay | None:
+    """Return how well a fit predicts a day; None if the day has too few bins to tell.
+
+    `tell`: gets the number of the runs that are done. Raises ScenarioError, Jam.
+    """
+    names = sorted({of_log.picker for of_log in of_day if of_log.picker})
+    carriers = len({of_log.carrier for of_log in of_day if of_log.carrier})
+    pickers = max(2, len(names)) if names else fitted.scenario.pickers
+    times = [of_log.full for of_log in of_day]
+    if len(of_day) < LEAST_BINS * pickers or min(times) == max(times):
+        return None
+    scenario = with_changes(
+        fitted.scenario,
+        **{
+            "pickers": pickers,
+            "carriers": carriers or fitted.scenario.carrier_count,
+            "picking.spread_of_pickers": ALIKE,
+        },
+    )
+    rates = []
+    for run in range(RUNS):
+        drawn = _drawn(fitted, scenario, names, run)
+        rates.append(rate_of(first_model_bins(drawn, len(of_day))))
+        tell(run + 1)
+    width = float(students_t.ppf(0.5 + confidence / 2.0, RUNS - 1))
+    half = width * stdev(rates) * math.sqrt(1.0 + 1.0 / RUNS)
+    predicted = fmean(rates)
+    return LastDay(
+        day=of_day[0].day,
+        bins=len(of_day),
+        pickers=pickers,
+        carriers=scenario.carrier_count,
+        logged=rate_of(of_day, silences),
+        predicted=predicted,
+        low=max(0.0, predicted - half),
+        high=predicted + half,
+    )
+
+
+def _drawn(fitted: Fit, scenario: Scenario, names: Sequence[str], run: int) -> Scenario:
+    """Return the scenario of a run: its values are drawn from what the fit is unsure of."""
+    picking = fitted.picking
+    random = np.random.default_rng((SEED, run))
+    resample = int(random.integers(RESAMPLES))
+    changes: dict[str, Any] = {
+        "seed": run + 1,
+        "picking_rate": picking.rate.of(resample),
+    }
+    cv = picking.between_rows.of(resample)
+    if cv < LEAST_CV:
+        changes["picking.spread"] = ALIKE
+    elif scenario.picking.spread.distribution != "none":
+        changes["picking.spread.cv"] = cv
+    if fitted.driving is not None:
+        changes |= driving_values(fitted.driving, resample)
+    between = picking.between_pickers
+    spread = 0.0 if between is None else between.value
+    sigma = math.sqrt(math.log(1.0 + spread * spread))
+    rates = {}
+    for number in range(scenario.pickers):
+        # Drawn for each, so that a picker that is known changes nothing of the others.
+        other = math.exp(sigma * random.standard_normal() + sigma * sigma / 2.0)
+        known = picking.rates.get(names[number]) if number < len(names) else None
+        share = other if known is None else known / picking.rate.value
+        rates[name_of("picker", number + 1)] = float(np.clip(share, SLOWEST, QUICKEST))
+    return with_changes(scenario, **changes, picker_rates=rates)

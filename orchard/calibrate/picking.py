@@ -1,0 +1,261 @@
+"""How fast pickers pick, and how pickers, rows and bins differ: estimates from a log.
+
+The time of a bin is that from the fetched bin before it until it is full, less what the picker does
+meanwhile beside picking. A time is the product of its picker's mean and of a factor of its row, of
+mean 1. The intervals are those of the pickers of the log: the factors of rows are drawn anew, and
+the pickers stay.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from statistics import fmean, median
+
+import numpy as np
+
+from orchard.calibrate.bins import BinTimes, Silence
+from orchard.calibrate.estimates import FittedValue, estimate
+
+# Times of bins that are so many times as long as the median of their picker are left out.
+MOST_TIMES_THE_MEDIAN = 4.0
+# Times of a picker from which on its median is known.
+LEAST_TIMES = 4
+# Factors of rows from which on there are intervals.
+LEAST_FACTORS = 4
+
+
+@dataclass(frozen=True)
+class BinInterval:
+    """The time from a fetched bin to the next full one, s. `line`: of the log, at its end."""
+
+    picker: str
+    row: str
+    seconds: float
+    line: int
+
+
+def intervals_of(bins: Sequence[BinTimes], silences: Sequence[Silence] = ()) -> list[BinInterval]:
+    """Return the times between bins of one picker and day. Over a silence there is none."""
+    chains: dict[tuple[str, object], list[BinTimes]] = {}
+    for logged in bins:
+        chains.setdefault((logged.chain, logged.day), []).append(logged)
+    intervals = []
+    for chain in chains.values():
+        for before, after in pairwise(sorted(chain, key=lambda logged: logged.full)):
+            begin = before.fetched
+            if begin is None or begin >= after.full:
+                continue
+            if not is_silent(silences, after.day, begin, after.full):
+                seconds = after.full - begin
+                intervals.append(BinInterval(after.chain, after.row, seconds, after.line))
+    return intervals
+
+
+def is_silent(silences: Sequence[Silence], day: object, begin: float, end: float) -> bool:
+    """Whether a time of a day is partly one in which nothing was logged."""
+    for silence in silences:
+        if silence.day == day and begin < silence.end and silence.begin < end:
+            return True
+    return False
+
+
+def without_long_ones(
+    intervals: Sequence[BinInterval], file: str
+) -> tuple[list[BinInterval], list[str]]:
+    """Return the times that are not far too long, and a sentence for each of the others."""
+    usual = {}
+    for picker, of_picker in _by_picker(intervals).items():
+        if len(of_picker) >= LEAST_TIMES:
+            usual[picker] = median(interval.seconds for interval in of_picker)
+    kept = []
+    sentences = []
+    for interval in intervals:
+        times = interval.seconds / usual.get(interval.picker, math.inf)
+        if times <= MOST_TIMES_THE_MEDIAN:
+            kept.append(interval)
+            continue
+        sentences.append(
+            f"{file}:{interval.line}: a bin of {interval.picker} took"
+            f" {interval.seconds / 60.0:.0f} min, {times:.1f} times as long as most: a break, or"
+            " lines are missing; it is left out"
+        )
+    return kept, sentences
+
+
+def _by_picker(intervals: Sequence[BinInterval]) -> dict[str, list[BinInterval]]:
+    """Return the times of each picker."""
+    of_pickers: dict[str, list[BinInterval]] = {}
+    for interval in intervals:
+        of_pickers.setdefault(interval.picker, []).append(interval)
+    return of_pickers
+
+
+class PickingTimes:
+    """The picking times of a log, by picker and row.
+
+    `beside`: what a picker does beside picking, s a bin, in the mean. Times in rows that are not
+    named are each a row of its own.
+    """
+
+    def __init__(self, intervals: Sequence[BinInterval], beside: float = 0.0) -> None:
+        rows: dict[tuple[str, str], list[float]] = {}
+        for number, interval in enumerate(intervals):
+            row = interval.row or f"bin {number}"
+            rows.setdefault((interval.picker, row), []).append(interval.seconds - beside)
+        #: Pickers in order, and of each row (r,): the place of its picker, and its mean time, s.
+        self.pickers = sorted({picker for picker, _ in rows})
+        self.picker_of = np.array([self.pickers.index(picker) for picker, _ in rows])
+        self.times = np.array([fmean(seconds) for seconds in rows.values()])
+        self._bins = [np.array(seconds) for seconds in rows.values()]
+
+    @property
+    def count(self) -> int:
+        """The number of times."""
+        return sum(len(bins) for bins in self._bins)
+
+    @cached_property
+    def means(self) -> np.ndarray:
+        """The mean time of each picker's rows, (p,) s."""
+        return self.means_of(self.times)
+
+    def means_of(self, times: np.ndarray) -> np.ndarray:
+        """Return the mean time of each picker, (..., p) s. `times`: of the rows, (..., r) s."""
+        means = []
+        for picker in range(len(self.pickers)):
+            means.append(times[..., self.picker_of == picker].mean(axis=-1))
+        return np.stack(means, axis=-1)
+
+    @cached_property
+    def factors(self) -> np.ndarray:
+        """The factors of rows beside the means of their pickers, (f,), about 1.
+
+        Each is as far from 1 as it is from the true mean: a mean of few rows is nearer to them.
+        Pickers with one row have none.
+        """
+        factors = []
+        for picker, mean in enumerate(self.means):
+            own = self.times[self.picker_of == picker] / mean
+            if len(own) > 1:
+                widened = 1.0 + (own - 1.0) * math.sqrt(len(own) / (len(own) - 1))
+                factors.append(widened)
+        return np.concatenate(factors) if factors else np.array([])
+
+    @cached_property
+    def bins_variance(self) -> float:
+        """The variance of bins of one row, as a share of the row's mean; NaN: there is none."""
+        squares = 0.0
+        freedom = 0
+        for bins in self._bins:
+            squares += float(((bins / bins.mean() - 1.0) ** 2).sum())
+            freedom += len(bins) - 1
+        return squares / freedom if freedom else math.nan
+
+    @cached_property
+    def _bins_in_rows(self) -> float:
+        """What the bins of a row add to the variance of rows."""
+        if math.isnan(self.bins_variance):
+            return 0.0
+        return self.bins_variance * fmean(1.0 / len(bins) for bins in self._bins)
+
+    def rows_variance(self, times: np.ndarray) -> np.ndarray:
+        """Return the variance of rows about the means of their pickers, as a share of these, (...).
+
+        It can be negative by chance. `times`: of the rows, (..., r) s.
+        """
+        means = self.means_of(times)[..., self.picker_of]
+        squares = ((times / means - 1.0) ** 2).sum(axis=-1)
+        freedom = len(self.picker_of) - len(self.pickers)
+        variance: np.ndarray = squares / max(1, freedom) - self._bins_in_rows
+        return variance
+
+    def pickers_variance(self, times: np.ndarray) -> np.ndarray:
+        """Return the variance of the pickers' means, as a share of their mean, (...).
+
+        What a picker's rows add by chance is taken off. `times`: of the rows, (..., r) s.
+        """
+        means = self.means_of(times)
+        if len(self.pickers) < 2:
+            return np.zeros(means.shape[:-1])
+        relative = means / means.mean(axis=-1, keepdims=True)
+        counts = np.bincount(self.picker_of)
+        of_rows = self.rows_variance(times) + self._bins_in_rows
+        by_chance = of_rows * float((1.0 / counts).mean())
+        variance: np.ndarray = relative.var(axis=-1, ddof=1) - by_chance
+        return variance
+
+    def drawn(self, factors: np.ndarray) -> np.ndarray:
+        """Return times of the rows with other factors, (..., r) s. `factors`: (..., f)."""
+        of_rows = factors[..., np.arange(len(self.times)) % factors.shape[-1]]
+        times: np.ndarray = self.means[self.picker_of] * of_rows
+        return times
+
+
+@dataclass(frozen=True)
+class PickingFit:
+    """How fast pickers pick, bins/h, and the coefficients of variation of what differs.
+
+    `between_bins` is None where no row has several bins, and `between_pickers` where there is one.
+    """
+
+    rate: FittedValue
+    between_rows: FittedValue
+    between_pickers: FittedValue | None
+    between_bins: float | None
+    #: Picker -> what it fills while it picks, bins/h.
+    rates: dict[str, float]
+    #: Times of bins that were used.
+    count: int
+
+
+def fit_picking(times: PickingTimes, usual: PickingTimes, confidence: float) -> PickingFit:
+    """Return how fast pickers pick. `usual`: the times of a model in which nothing differs.
+
+    What its rows and bins differ, because ways are longer or shorter, is taken off. Raises
+    ValueError if there are too few times.
+    """
+    if len(times.factors) < LEAST_FACTORS:
+        raise ValueError(
+            f"has {times.count} bins of which the picking time is known; must have some"
+            f" {2 * LEAST_FACTORS} at least, of pickers with several"
+        )
+    rows_of_model = max(0.0, float(usual.rows_variance(usual.times)))
+
+    def rate(factors: np.ndarray, axis: int = -1) -> np.ndarray:
+        rates: np.ndarray = 3600.0 / times.means_of(times.drawn(factors)).mean(axis=-1)
+        return rates
+
+    def between_rows(factors: np.ndarray, axis: int = -1) -> np.ndarray:
+        variance = times.rows_variance(times.drawn(factors)) - rows_of_model
+        spreads: np.ndarray = np.sqrt(np.maximum(0.0, variance))
+        return spreads
+
+    def between_pickers(factors: np.ndarray, axis: int = -1) -> np.ndarray:
+        variance = times.pickers_variance(times.drawn(factors))
+        spreads: np.ndarray = np.sqrt(np.maximum(0.0, variance))
+        return spreads
+
+    of_rows = float(times.rows_variance(times.times)) - rows_of_model
+    of_pickers = float(times.pickers_variance(times.times))
+    samples = (times.factors,)
+    pickers = None
+    if len(times.pickers) > 1:
+        spread = math.sqrt(max(0.0, of_pickers))
+        pickers = estimate(spread, samples, between_pickers, confidence)
+    return PickingFit(
+        rate=estimate(3600.0 / float(times.means.mean()), samples, rate, confidence),
+        between_rows=estimate(math.sqrt(max(0.0, of_rows)), samples, between_rows, confidence),
+        between_pickers=pickers,
+        between_bins=_between_bins(times, usual),
+        rates=dict(zip(times.pickers, (3600.0 / times.means).tolist(), strict=True)),
+        count=times.count,
+    )
+
+
+def _between_bins(times: PickingTimes, usual: PickingTimes) -> float | None:
+    """Return how the bins of a row differ; None if no row has several."""
+    if math.isnan(times.bins_variance):
+        return None
+    of_model = 0.0 if math.isnan(usual.bins_variance) else usual.bins_variance
+    return math.sqrt(max(0.0, times.bins_variance - of_model))

@@ -1,0 +1,75 @@
+"""The command `orchard calibrate`, as a person uses it."""
+
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+from command_line import orchard
+from made_logs import log_text
+
+from orchard.calibrate.bins import BinTimes
+from orchard.calibrate.model_bins import model_bins
+from orchard.field.scenario import Scenario, load, to_short_yaml, with_changes
+
+BASE = Scenario(
+    rows=6,
+    row_length=60.0,
+    pickers=3,
+    carriers=2,
+    bins_per_row=3.0,
+    people={"workers": 0, "visitors": 0},
+    animals={"dogs": 0, "cats": 0},
+    tractor=False,
+    dispatch="nearest",
+)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """Return a folder with a log of two days at 4 bins an hour, and the scenario beside it."""
+    made = tmp_path_factory.mktemp("calibrate")
+    spread = {"spread": {"distribution": "lognormal", "cv": 0.15}}
+    truth = with_changes(BASE, picking_rate=4.0, picking=spread)
+    bins = []
+    for day in range(2):
+        for bin_ in model_bins(with_changes(truth, seed=day + 1)):
+            moved = bin_.day + timedelta(days=day)
+            bins.append(BinTimes(**vars(bin_) | {"day": moved}))
+    (made / "log.csv").write_text(log_text(bins))
+    (made / "on.yaml").write_text(to_short_yaml(BASE))
+    return made
+
+
+def test_a_log_gives_a_scenario_and_a_tested_rate(folder):
+    out = folder / "mine.yaml"
+    words = ("calibrate", folder / "log.csv", "--on", folder / "on.yaml", "--out", out)
+    told = orchard(*words).stdout
+    assert "36 bins of 2 days" in told
+    assert "2000-01-02, which the fit did not see:" in told
+    scenario = load(out)
+    assert scenario.picking_rate == pytest.approx(4.0, rel=0.2)
+    assert (scenario.rows, scenario.pickers, scenario.carriers) == (6, 3, 2)
+    assert f"{scenario.picking_rate:.3g}" in told
+    # A scenario of this command may be replaced, and no other file.
+    assert orchard(*words).stdout == told
+    text = (folder / "on.yaml").read_text()
+    refused = orchard(*words[:2], "--out", folder / "on.yaml", code=2).stderr
+    assert "is not a scenario of `orchard calibrate` that the Orchard has written" in refused
+    assert (folder / "on.yaml").read_text() == text
+
+
+def test_a_wrong_log_is_told_and_nothing_is_written(folder, tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_text((folder / "log.csv").read_text().replace(",fetched,", ",fetch,", 1))
+    out = tmp_path / "mine.yaml"
+    run = orchard("calibrate", log, "--out", out, code=2)
+    assert run.stdout == ""
+    assert "event = fetch: must be full, fetched or unloaded; did you mean fetched?" in run.stderr
+    assert not out.exists()
+
+
+def test_a_missing_log_and_a_wrong_confidence_are_told(tmp_path):
+    log = tmp_path / "none.csv"
+    assert orchard("calibrate", log, code=2).stderr == f"{log}: No such file or directory\n"
+    told = orchard("calibrate", log, "--confidence", "2", code=2).stderr
+    assert "2: expected a share from 0.5 to 0.999, such as 0.95 or 95%" in told

@@ -1,0 +1,166 @@
+"""A harvest with known rates writes its log, and a calibration of that log gives the rates back."""
+
+from datetime import date, timedelta
+
+import numpy as np
+import pytest
+from made_logs import log_text, simulated_bins
+
+from orchard.calibrate.bins import BinTimes, LoggedBins, Silence, bins_of
+from orchard.calibrate.fit import fit
+from orchard.calibrate.last_day import check_on_day, rate_of, split_last_day
+from orchard.calibrate.log_lines import read_log
+from orchard.calibrate.model_bins import model_bins
+from orchard.calibrate.picking import intervals_of, without_long_ones
+from orchard.calibrate.structure import orchard_of
+from orchard.field.picking import picker_speed_of
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import Scenario, WorkShift, with_changes
+
+KNOWN = Scenario(
+    rows=26,
+    row_length=110.0,
+    pickers=8,
+    carriers=3,
+    bins_per_row=6.0,
+    dispatch="nearest",
+)
+CREW = {"picker_01": 0.8, "picker_02": 1.1, "picker_03": 1.3, "picker_04": 0.9}
+
+
+def log_of(truth: Scenario, days: int = 1) -> list[BinTimes]:
+    """Return the bins of harvests of a model, one a day, each with rows of its own seed."""
+    bins = []
+    for day in range(days):
+        for of_day in model_bins(with_changes(truth, seed=truth.seed + day)):
+            moved = of_day.day + timedelta(days=day)
+            row = of_day.row
+            bins.append(BinTimes(**vars(of_day) | {"day": moved, "row": row}))
+    return bins
+
+
+@pytest.mark.parametrize("seed", range(1, 5))
+def test_known_rates_come_back_within_their_intervals(seed):
+    draw = np.random.default_rng(seed)
+    truth = with_changes(
+        KNOWN,
+        seed=seed,
+        picking_rate=float(draw.uniform(1.0, 3.0)),
+        picking={
+            "spread": {"distribution": "lognormal", "cv": float(draw.uniform(0.1, 0.3))},
+            "spread_of_pickers": {"distribution": "gamma", "cv": float(draw.uniform(0.05, 0.25))},
+        },
+        **{
+            "carrying.speed": float(draw.uniform(0.8, 1.8)),
+            "handling.unloading": round(float(draw.uniform(10.0, 60.0)), 1),
+        },
+    )
+    fitted = fit(LoggedBins(log_of(truth), [], []), KNOWN, True, "log.csv", 0.99)
+    metres = truth.chosen["metres_per_bin"]
+    speeds = [picker_speed_of(truth, f"picker_{number:02d}") for number in range(1, 9)]
+    seconds = metres / np.array(speeds)
+    picking = fitted.picking
+    assert picking.rate.low <= 3600.0 / seconds.mean() <= picking.rate.high
+    rows = picking.between_rows
+    assert rows.low <= truth.picking.spread.cv <= rows.high
+    pickers = picking.between_pickers
+    assert pickers.low <= seconds.std(ddof=1) / seconds.mean() <= pickers.high
+    driving = fitted.driving
+    assert driving.speed.low <= truth.carrying.speed <= driving.speed.high
+    assert driving.unloading.low <= truth.handling.unloading <= driving.unloading.high
+
+
+def test_the_log_of_the_simulator_gives_its_rate_back(tmp_path):
+    truth = Scenario(
+        rows=6,
+        row_length=60.0,
+        pickers=3,
+        carriers=2,
+        bins_per_row=4.0,
+        picking_rate=12.0,
+        picking={"spread": {"distribution": "uniform", "cv": 0.15}},
+        people={"workers": 0, "visitors": 0},
+        animals={"dogs": 0, "cats": 0},
+        tractor=False,
+        dispatch="nearest",
+    )
+    path = tmp_path / "log.csv"
+    path.write_text(log_text(simulated_bins(truth)))
+    log = read_log(path)
+    logged = bins_of(log, WorkShift())
+    orchard = orchard_of(log, logged.bins, with_changes(truth, picking_rate=20.0))
+    assert (orchard.base.pickers, orchard.base.carriers, orchard.has_rows) == (3, 2, True)
+    fitted = fit(LoggedBins(orchard.bins, [], []), orchard.base, True, "log.csv")
+    assert fitted.picking.rate.low <= 12.0 <= fitted.picking.rate.high
+    assert fitted.picking.rate.value == pytest.approx(12.0, rel=0.1)
+
+
+def test_a_last_day_of_the_same_kind_is_as_predicted():
+    truth = with_changes(KNOWN, rows=12, pickers=4, picking_rate=2.0, seed=3)
+    truth = with_changes(
+        truth, picking={"spread": {"distribution": "lognormal", "cv": 0.2}}, picker_rates=CREW
+    )
+    logged = LoggedBins(log_of(truth, days=3), [], [])
+    earlier, of_day = split_last_day(logged)
+    assert {bin_.day for bin_ in of_day} == {date(2000, 1, 3)}
+    base = with_changes(KNOWN, rows=12, pickers=4)
+    fitted = fit(earlier, base, False, "log.csv")
+    tested = check_on_day(fitted, of_day, [], 0.95, lambda runs: None)
+    assert tested.logged == rate_of(of_day)
+    assert tested.is_as_predicted
+    assert tested.high - tested.low < 0.5 * tested.logged
+    slower = [
+        BinTimes(**vars(bin_) | {"full": 2.0 * bin_.full, "fetched": None}) for bin_ in of_day
+    ]
+    assert not tested.low <= rate_of(slower) <= tested.high
+
+
+def test_one_day_is_fitted_and_leaves_no_test():
+    bins = log_of(with_changes(KNOWN, picking_rate=2.0))
+    earlier, of_day = split_last_day(LoggedBins(bins, [], []))
+    assert (len(earlier.bins), of_day) == (len(bins), [])
+
+
+def test_a_bin_that_took_far_too_long_is_told_and_left_out():
+    day = date(2026, 4, 14)
+    bins = []
+    begin = 0.0
+    for number, minutes in enumerate((30, 31, 29, 30, 200, 30, 31)):
+        full = begin + 60.0 * minutes
+        bins.append(BinTimes("Ana", "1", "", day, full, full + 60.0, None, line=number + 2))
+        begin = full + 60.0
+    kept, told = without_long_ones(intervals_of(bins), "log.csv")
+    assert len(kept) == 5
+    assert told == [
+        "log.csv:6: a bin of Ana took 200 min, 6.6 times as long as most: a break, or lines are"
+        " missing; it is left out"
+    ]
+    silence = Silence(day, bins[1].fetched, bins[1].fetched + 100.0)
+    assert len(intervals_of(bins, [silence])) == 5
+
+
+def test_a_log_that_no_scenario_can_follow_is_told():
+    day = date(2026, 4, 14)
+    bins = []
+    for number in range(20):
+        full = 20.0 * number
+        bins.append(BinTimes("Ana", "1", "", day, full, full + 5.0, None, line=number + 2))
+    with pytest.raises(ScenarioError, match=r"log\.csv: "):
+        fit(LoggedBins(bins, [], []), KNOWN, False, "log.csv")
+
+
+def test_too_few_bins_say_how_many_there_must_be():
+    bins = log_of(with_changes(KNOWN, picking_rate=2.0))[:18]
+    with pytest.raises(ScenarioError, match="bins of which the picking time is known"):
+        fit(LoggedBins(bins, [], []), KNOWN, False, "log.csv")
+
+
+def test_rows_that_the_scenario_lacks_are_told_by_line(tmp_path):
+    path = tmp_path / "log.csv"
+    lines = ["time,event,picker,row", "2026-04-14T07:40:00,full,Ana,Row 3"]
+    path.write_text("\n".join([*lines, "2026-04-14T07:50:00,full,Ben,31"]))
+    log = read_log(path)
+    logged = bins_of(log, WorkShift())
+    with pytest.raises(ScenarioError) as caught:
+        orchard_of(log, logged.bins, KNOWN)
+    assert str(caught.value) == (f"{path}:3: row = 31: must be a row of the scenario, 1 to 26")

@@ -31,6 +31,7 @@ WORDS = {
     c.MAY_CHARGE: "looks at its battery",
     c.CHARGE: "wants a charger",
     c.CHARGED: "waits until its battery is full",
+    c.HAUL: "is away at the load-out",
 }
 
 

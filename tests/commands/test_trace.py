@@ -27,6 +27,14 @@ def test_a_trace_has_a_line_for_each_thing_that_a_robot_begins(tmp_path: Path) -
     assert any(line.endswith("leaves the full bin in row 2") for line in lines)
 
 
+def test_a_trace_tells_when_a_carrier_is_away_at_the_load_out(tmp_path: Path) -> None:
+    chosen = options(tmp_path, **NOBODY, load_out={"seconds_away": 100.0})
+    print_trace(chosen)
+    assert chosen.out is not None
+    lines = chosen.out.read_text().splitlines()
+    assert sum(line.endswith("is away at the load-out") for line in lines) == 3
+
+
 def test_what_the_event_model_does_not_know_is_said(tmp_path: Path) -> None:
     chosen = options(tmp_path, sensors={"odometry": {"distance": 0.02}})
     with pytest.raises(ValueError, match="knows no errors of sensors; run the simulator"):

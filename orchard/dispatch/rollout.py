@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 from orchard.dispatch.ranking import MARGIN
 from orchard.field.layout import KEPT_LAYOUTS, Layout
+from orchard.field.queue import CLOSED_UP
 from orchard.field.scenario import TIME_STEP
 from orchard.plans.jobs import TimedJob, Use, jobs_of
 
@@ -25,8 +26,9 @@ from orchard.plans.jobs import TimedJob, Use, jobs_of
 ORDERED = 12
 # Ticks after which the carrier behind can leave.
 MOVING_UP = 10
-# m from a carrier that leaves the bay to the next one, which is behind its bin.
-HEADWAY = 4.5
+# m from a carrier that leaves the bay to the next one, which is behind its bin, and drives on a few
+# ticks later.
+HEADWAY = CLOSED_UP + 0.4
 # Ticks.
 EARLY = round(MARGIN / TIME_STEP)
 # In place of a line: a picker.

@@ -20,7 +20,7 @@ from orchard.field.geometry import HEADINGS, Pose
 from orchard.field.kinds import kind_of
 from orchard.field.layout import KEPT_LAYOUTS, Layout, lay_out
 from orchard.field.passes import Pass
-from orchard.field.queue import PITCH
+from orchard.field.queue import CLOSED_UP
 from orchard.field.rows import Block
 from orchard.field.scenario import NEAREST, TIME_STEP, Scenario
 from orchard.plans.jobs import (
@@ -334,7 +334,7 @@ def _seconds_on_free_roads(ideal: Layout) -> float:
         stood[kind_of(name)] = max(stood[kind_of(name)], since)
     # The last carrier stops behind the others in its line.
     before = min(ideal.scenario.carrier_count, ideal.queue.places) - 1
-    metres = before * PITCH
+    metres = before * CLOSED_UP
     return max(stood["picker"], stood["carrier"] - metres / ideal.machines["carrier"].speed)
 
 

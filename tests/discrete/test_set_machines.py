@@ -14,8 +14,9 @@ from orchard.field.kinds import HAULERS, kind_of
 from orchard.field.layout import Layout, lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.queue import CLOSED_UP
-from orchard.field.scenario import Scenario, parse
+from orchard.field.scenario import TIME_STEP, Scenario, parse
 from orchard.local import Local
+from orchard.plans.jobs import least_headway
 from orchard.plans.steps import DriveTo
 from orchard.report.bounds import Bounds
 
@@ -78,6 +79,12 @@ def test_no_carrier_asks_before_the_one_in_front_of_it() -> None:
     assert drive.asks_before(fastest) < CLOSED_UP
     slowest = small(carrying={"speed": 0.5}).machines["carrier"]
     assert drive.asks_before(slowest) == 1.5
+
+
+def test_carriers_stop_behind_each_other_as_queues_have_room() -> None:
+    carrier = small().machines["carrier"]
+    step = carrier.speed * TIME_STEP
+    assert least_headway(carrier) + step == pytest.approx(CLOSED_UP)
 
 
 @pytest.mark.parametrize("route", ["one-way", "two-way"])

@@ -150,11 +150,13 @@ class ChargersOfModel:
         if tick == visit.came - IN_LINE:
             me.moved += tick
             me.moved_at = tick
+            me.leg_begun = tick
             as_python(kernel.ask_for_charger)(self.model, robot)
         elif tick == visit.came:
             self._stand(robot, visit, IN_LINE, tick)
         elif visit.moved_for and tick == visit.moved_up:
             as_python(kernel.note_rest)(self.model, robot)
+            me.leg_begun = tick
             me.state = c.DRIVING
         elif visit.moved_for and tick == visit.moved_up + visit.moved_for:
             self._stand(robot, visit, visit.moved_for, tick)

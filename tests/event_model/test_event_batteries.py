@@ -9,7 +9,7 @@ from orchard.field.scenario import TIME_STEP, Scenario
 
 def test_a_flat_carrier_stands_for_ever() -> None:
     values = NOBODY | {"rows": 8, "pickers": 2, "carriers": 1, "dispatch": "nearest"}
-    battery = {"hours": 0.05, "hours_to_charge": 0.1, "reserve": 0.0}
+    battery = {"hours": 0.1, "hours_to_charge": 0.1, "reserve": 0.0}
     layout = lay_out(Scenario(**values, carrying={"battery": battery}))
     harvest = EventHarvest(layout).run()
     assert not harvest.is_over

@@ -4,7 +4,7 @@
 charging line. A free charger goes to the one that stands there nearest to a head.
 """
 
-from math import ceil
+from math import ceil, inf
 
 from orchard.event_model import columns as c
 from orchard.event_model.kernel.compiled import inner
@@ -15,6 +15,8 @@ from orchard.plans.robot import ASK
 # Ticks for which a carrier asks its bin whether that wants it.
 CONFIRMED = ASK
 HOUR = 3600.0
+# Ticks.
+ROUNDING = 1e-6
 
 
 @inner
@@ -27,11 +29,40 @@ def use_battery(m, robot, standing):
     tick = tick_of(m)
     if me.state != c.DRIVING:
         note_rest(m, robot)
+    elif me.leg_ended <= me.leg_begun:
+        # It is on its way. The rest of this leg is counted at its end.
+        me.moved += tick - max(me.leg_begun, me.counted)
     worked = me.moved + standing * (tick - me.counted - me.moved - me.rested)
     me.charge -= worked * TIME_STEP / HOUR / m.desk[0].battery_hours
     me.counted = tick
     me.moved = 0
     me.rested = 0
+
+
+@inner
+def may_get_flat(m, robot):
+    """Whether a robot uses a battery now: carriers do, unless theirs is endless or charged."""
+    me = m.robots[robot]
+    return m.desk[0].battery_hours < inf and me.queue_line != c.NONE and not me.is_charging
+
+
+@inner
+def is_flat(m, robot):
+    """Whether the battery of a robot is flat, if it has one."""
+    if not may_get_flat(m, robot):
+        return False
+    use_battery(m, robot, m.desk[0].standing)
+    return m.robots[robot].charge <= 0.0
+
+
+@inner
+def ticks_to_flat(m, robot):
+    """Return the ticks, one or more, for which a robot can drive; NEVER: as long as it likes."""
+    if not may_get_flat(m, robot):
+        return c.NEVER
+    use_battery(m, robot, m.desk[0].standing)
+    seconds = m.robots[robot].charge * m.desk[0].battery_hours * HOUR
+    return max(1, ceil(seconds / TIME_STEP - ROUNDING))
 
 
 @inner
@@ -98,16 +129,12 @@ def note_trip(m, carrier, away):
 
 @inner
 def may_charge(m, carrier):
-    """Let a carrier drive to the chargers if its battery is low. Return whether it goes on."""
+    """Let a carrier drive to the chargers if its battery is low."""
     me = m.robots[carrier]
     op = m.ops[me.op]
     use_battery(m, carrier, m.desk[0].standing)
-    if me.charge <= 0.0:
-        me.state = c.FLAT
-        return False
     if me.charge <= op.reserve:
         me.next_op = op.arg
-    return True
 
 
 @inner
@@ -198,7 +225,7 @@ def end_charging(m, carrier):
     me.moved = 0
     me.is_charging = False
     me.is_charged = True
-    if me.state == c.WAITING_FOR_CHARGE:
+    if me.state == c.WAITING_FOR_CHARGE or me.state == c.FLAT:
         m.timers[c.WAKE, carrier] = m.desk[0].now
     m.desk[0].free_chargers += 1
     give_chargers(m, 0)

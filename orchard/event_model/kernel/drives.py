@@ -5,7 +5,7 @@ ahead.
 from math import ceil, floor
 
 from orchard.event_model import columns as c
-from orchard.event_model.kernel.batteries import delay_charge, note_rest
+from orchard.event_model.kernel.batteries import delay_charge, note_rest, ticks_to_flat
 from orchard.event_model.kernel.calls import hear_failed, hear_repaired
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.failures import fail, is_repaired, may_fail
@@ -189,6 +189,7 @@ def begin_leg(m, robot, goal, limit, ahead, ticks):
     if op.picks:
         hear_repaired(m, robot)
     note_rest(m, robot)
+    ticks = min(ticks, ticks_to_flat(m, robot))
     me.leg_begun = tick_of(m)
     me.leg_from = me.here
     me.leg_stride = stride
@@ -205,7 +206,7 @@ def end_leg(m, robot):
     me = m.robots[robot]
     me.leg_ended = tick_of(m)
     ticks = me.leg_ended - me.leg_begun
-    me.moved += ticks
+    me.moved += me.leg_ended - max(me.leg_begun, me.counted)
     me.moved_at = me.leg_ended
     if me.is_charging:
         delay_charge(m, robot, ticks)
@@ -242,6 +243,32 @@ def stand(m, robot, ahead):
         ticks = min(ticks, ticks_to_swing_clear(m, robot, ahead))
     if ticks != c.NEVER:
         set_alarm(m, robot, ticks)
+
+
+@inner
+def stop_flat(m, carrier):
+    """Stand with a flat battery, and ask for no places. Return that the op is not done."""
+    me = m.robots[carrier]
+    if me.state == c.FLAT:
+        return False
+    if me.state == c.DRIVING:
+        me.stood = tick_of(m)
+        if me.has_arrived:
+            stop_short(m, carrier, me.here)
+        if me.bin != c.NONE:
+            tell_followers(m, carrier, m.desk[0].now + c.QUARTERS * NOTICED)
+    me.state = c.FLAT
+    me.wanted = 0
+    me.wish = 0
+    return False
+
+
+@inner
+def go_on_charged(m, carrier):
+    """Go on after the battery was flat, and is full. Return whether the op is done."""
+    if m.ops[m.robots[carrier].op].kind == c.DRIVE:
+        return drive_on(m, carrier)
+    return True
 
 
 @inner

@@ -30,7 +30,8 @@ complete at any time, and can be copied.
     repaired            | a drive on which it    | alarm, each 300 s   | drives on to the drive's
                         | fails                  |                     | end, or to a next failure
     waiting for charge  | charged                | its battery is full | is free for the next call
-    flat                | may charge             | nothing             | stands for ever
+    flat                | its battery is flat    | it is full again,   | goes on
+                        |                        | in a charging line  |
 
 A carrier's job in ops: `pause` (it asks the bin whether that still wants it), drives and turns to
 the lane, `deliver`, `need` and the loop to the full bin, `take bin`, drives to the bay, `unload`,
@@ -48,6 +49,7 @@ from orchard.event_model.kernel.batteries import (
     await_charge,
     end_charging,
     haul,
+    is_flat,
     may_charge,
     park,
 )
@@ -69,7 +71,9 @@ from orchard.event_model.kernel.drives import (
     drive_on,
     end_leg,
     go_on_alone,
+    go_on_charged,
     go_on_repaired,
+    stop_flat,
     swing,
     swung,
     turn,
@@ -237,7 +241,8 @@ def begin(m, robot):
         haul(m, robot)
         return True
     if kind == c.MAY_CHARGE:
-        return may_charge(m, robot)
+        may_charge(m, robot)
+        return True
     if kind == c.CHARGE:
         ask_for_charger(m, robot)
         return True
@@ -260,9 +265,12 @@ def go_on(m, robot):
     state = me.state
     if state == c.DRIVING:
         end_leg(m, robot)
+    if is_flat(m, robot):
+        return stop_flat(m, robot)
+    if state == c.DRIVING or state == c.STANDING:
         return drive_on(m, robot)
-    if state == c.STANDING:
-        return drive_on(m, robot)
+    if state == c.FLAT:
+        return go_on_charged(m, robot)
     if state == c.SWINGING_BIN or state == c.SWINGING_OFF:
         return swung(m, robot)
     if state == c.LASTING:

@@ -131,13 +131,18 @@ def run(m, until):
 def next_event(m):
     """Return the kind and the robot of the next event."""
     soonest = c.NEVER
+    first = 0
     for kind in range(c.EVENTS):
+        # The compiler makes a few instructions of a loop that does nothing but this.
+        soonest_of_kind = c.NEVER
         for robot in range(m.timers.shape[1]):
-            soonest = min(soonest, m.timers[kind, robot])
-    for kind in range(c.EVENTS):
-        for robot in range(m.timers.shape[1]):
-            if m.timers[kind, robot] == soonest:
-                return kind, robot
+            soonest_of_kind = min(soonest_of_kind, m.timers[kind, robot])
+        if soonest_of_kind < soonest:
+            soonest = soonest_of_kind
+            first = kind
+    for robot in range(m.timers.shape[1]):
+        if m.timers[first, robot] == soonest:
+            return first, robot
     return 0, 0
 
 

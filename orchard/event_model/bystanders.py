@@ -16,6 +16,25 @@ MEETS_WITHIN = (
 )
 MEETING = 1.05  # s, mean time for which it then stands
 PASSING = 3.0  # s, mean time for which one of them stays within what a turn sweeps
+# What is drawn for a robot: these, and its name.
+WAY = "way of "
+STANDING = "meeting of "
+LOOKING = "turn of "
+
+
+def ticks_of_meeting(chance: float) -> int:
+    """Return the ticks of a meeting for a random number, uniform in [0, 1)."""
+    return 1 + int(exponential(chance, MEETING) / TIME_STEP)
+
+
+def ticks_of_look(is_near: float, stays: float, nearness: float) -> int:
+    """Return the ticks of a look before a turn, for two random numbers, uniform in [0, 1).
+
+    `nearness`: the chance that somebody is near.
+    """
+    if is_near < nearness:
+        return ASK + int(exponential(stays, PASSING) / TIME_STEP)
+    return ASK
 
 
 class Bystanders:
@@ -32,21 +51,27 @@ class Bystanders:
         if bystanders:
             self.radius = sum(body.radius for body in bystanders) / len(bystanders)
 
+    @property
+    def metres(self) -> float:
+        """Mean metres from one meeting to the next, where there are people or animals."""
+        return 1.0 / (self.density * MEETS_WITHIN)
+
+    def nearness(self, robot: str, is_towing: bool) -> float:
+        """Return the chance that somebody is within what a turn sweeps."""
+        within = sweep_radius(KINDS[kind_of(robot)], is_towing) + self.radius + MARGIN
+        return self.density * pi * within * within
+
     def metres_to(self, robot: str, number: int) -> float:
         """Return the metres that a robot drives from one meeting to the next, for its meeting with
         this number.
         """
         if not self.density:
             return inf
-        return exponential(
-            draw(self.seed, f"way of {robot}", number)[0], 1.0 / (self.density * MEETS_WITHIN)
-        )
+        return exponential(draw(self.seed, WAY + robot, number)[0], self.metres)
 
     def meeting_ticks(self, robot: str, number: int) -> int:
         """Return the ticks for which a robot stands at a meeting."""
-        return 1 + int(
-            exponential(draw(self.seed, f"meeting of {robot}", number)[0], MEETING) / TIME_STEP
-        )
+        return ticks_of_meeting(draw(self.seed, STANDING + robot, number)[0])
 
     def turning_ticks(self, robot: str, number: int, is_towing: bool) -> int:
         """Return the ticks for which a robot stands before a turn: until all have told where they
@@ -54,10 +79,5 @@ class Bystanders:
         """
         if not self.density:
             return 0
-        within = sweep_radius(KINDS[kind_of(robot)], is_towing) + self.radius + MARGIN
-        is_near, stays = draw(self.seed, f"turn of {robot}", number, 2)
-        return ASK + (
-            int(exponential(stays, PASSING) / TIME_STEP)
-            if is_near < self.density * pi * within * within
-            else 0
-        )
+        is_near, stays = draw(self.seed, LOOKING + robot, number, 2)
+        return ticks_of_look(is_near, stays, self.nearness(robot, is_towing))

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 LONGEST = 4_000_000
 # Ticks in which no robot drives on or finishes a step: they wait for each other.
 JAM = 6_000
+# Ticks after which it is looked whether robots move on, where a harvest stops for decisions.
+LOOK_AT = JAM // 20
 
 
 @dataclass

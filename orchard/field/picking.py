@@ -13,6 +13,8 @@ from collections.abc import Callable, Iterator
 from orchard.field.repeatable import draw, exp, exponential, log, normal
 from orchard.field.scenario import Scenario, Spread
 
+# What is drawn for a robot: this, and its name.
+FAILING = "failure of "
 # Pairs of random numbers, uniform in [0, 1).
 Chances = Iterator[list[float]]
 
@@ -51,7 +53,7 @@ def failure(
     `number`: which failure of this robot, from 0. The first time is that of its work since it
     started or was repaired.
     """
-    until, repair = draw(seed, f"failure of {robot}", number, 2)
+    until, repair = draw(seed, FAILING + robot, number, 2)
     return exponential(until, mean_between), exponential(repair, mean_repair)
 
 

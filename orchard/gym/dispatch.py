@@ -19,7 +19,7 @@ from orchard.event_model import columns as c
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.known import refuse_unknown
 from orchard.event_model.policies import AskedPolicy, PolicyQuestion
-from orchard.event_model.results import JAM, LONGEST
+from orchard.event_model.results import JAM, LONGEST, LOOK_AT
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import TIME_STEP, Scenario, with_changes
 from orchard.gym.episodes import Episode, plain, refuse_what_is_no_episode
@@ -28,7 +28,6 @@ from orchard.gym.spaces import FAR, MOST_LANES, Arrays
 
 NO_ORDER = 0  # the action that sends no carrier, and ends the decision
 LONG = 1e6  # s: no harvest takes so long
-LOOK_AT = JAM // 20  # ticks: so often it is looked whether robots move on
 
 Choose = Callable[[Arrays, np.ndarray], int]  # observation and mask -> action
 
@@ -176,10 +175,10 @@ def waiting(happened: Transition) -> float:
 
 def delivery(happened: Transition) -> float:
     """The bins that were unloaded."""
-    return float(happened.delivered)
+    return 1.0 * happened.delivered
 
 
-# Functions with names: an environment can be pickled with them.
+# Functions with names: an environment can be pickled with them. They take arrays too.
 REWARDS: Mapping[str, Reward] = {"time": time, "waiting": waiting, "delivery": delivery}
 
 

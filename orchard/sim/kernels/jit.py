@@ -100,7 +100,13 @@ allocating = partial(jit, allocates=True)
 # For functions that inner loops call. It saves passing their arrays, seven words each.
 inlined = partial(jit, forceinline=True)
 
-for _inner in (repeatable.sine_series, repeatable.cosine_series, repeatable.arctan_unit):
+for _inner in (
+    repeatable.sine_series,
+    repeatable.cosine_series,
+    repeatable.arctan_unit,
+    repeatable.log,
+    repeatable.exponential,
+):
     register_jitable(_inner)
 
 sin_cos = jit(repeatable.sin_cos)

@@ -1,6 +1,7 @@
 """How fast the environments are in which a policy learns: `python -m bench.learning`.
 
-It takes about two minutes, and writes nothing.
+It takes about three minutes, and writes nothing. Beside it rware, the Multi-Robot Warehouse, is
+measured in an environment of its own, if it can be installed.
 
 Steps and resets are timed in processor time (see timing.py): the median of five measurements, and
 the best of them, because the machine may have other work.
@@ -13,11 +14,19 @@ from typing import Any
 
 import numpy as np
 
+from bench.peer_simulators import rware_agent_steps
 from orchard.field.scenario import Scenario
-from orchard.gym import dispatch_env, single_env
+from orchard.gym import dispatch_env, dispatch_vec_env, single_env
 
 STEPS, RESETS, REPEATS = 1000, 10, 5
 ROBOT = "carrier_01"
+# Orchards that are stepped at once, and steps of all of them in a measurement.
+ORCHARDS = 64
+VECTOR_STEPS = 100
+# Rows, pickers and carriers.
+SIZES = ((8, 4, 4), (20, 10, 10))
+# Environments of rware, with 2, 4 and 8 robots.
+WAREHOUSES = ("rware-tiny-2ag-v2", "rware-small-4ag-v2", "rware-medium-8ag-v2")
 
 
 def timed(work: Callable[[], object], count: int) -> list[float]:
@@ -76,6 +85,79 @@ def dispatch() -> list[float]:
     return timed(episode, 1)
 
 
+def decisions(scenario: Scenario) -> list[float]:
+    """Return the seconds of a decision in one orchard, with random actions that can be."""
+    env = dispatch_env(scenario)
+    random = np.random.default_rng(1)
+    env.reset(seed=1)
+    times = []
+    for seed in range(1, 1 + REPEATS):
+        begun = time.process_time()
+        info = env.reset(seed=seed)[1]
+        count = 0
+        ended = False
+        while not ended:
+            action = random.choice(np.flatnonzero(info["action_mask"]))
+            *_, terminated, truncated, info = env.step(action)
+            ended = terminated or truncated
+            count += 1
+        times.append((time.process_time() - begun) / count)
+    return times
+
+
+def decisions_of_many(scenario: Scenario, may_wait: bool) -> list[float]:
+    """Return the seconds of a decision in ORCHARDS at once, resets included, with random actions.
+
+    `may_wait`: whether 0, which sends no carrier, is one of them. Steps that begin an episode are
+    no decisions.
+    """
+    envs = dispatch_vec_env(scenario, ORCHARDS)
+    random = np.random.default_rng(1)
+    infos = envs.reset(seed=1)[1]
+    times = []
+    # The first one loads the compiled code.
+    for _ in range(1 + REPEATS):
+        spent = 0.0
+        count = 0
+        begin_anew = 0
+        for _ in range(VECTOR_STEPS):
+            chances = random.random(infos["action_mask"].shape) + 1e-9
+            if not may_wait:
+                chances[:, 0] = 1e-12
+            actions = (infos["action_mask"] * chances).argmax(axis=1)
+            begun = time.process_time()
+            *_, terminated, truncated, infos = envs.step(actions)
+            spent += time.process_time() - begun
+            count += ORCHARDS - begin_anew
+            begin_anew = int((terminated | truncated).sum())
+        times.append(spent / count)
+    return times[1:]
+
+
+def dispatch_lines() -> Iterator[str]:
+    """Return the rates of dispatch in one orchard and in many, and those of rware."""
+    for rows, pickers, carriers in SIZES:
+        scenario = Scenario(rows=rows, pickers=pickers, carriers=carriers)
+        size = f"{rows} rows, {pickers} pickers, {carriers} carriers"
+        yield f"dispatch_env, {size}: {rates(decisions(scenario))} decisions/s"
+        for may_wait in (True, False):
+            how = "any action" if may_wait else "sends at once"
+            times = decisions_of_many(scenario, may_wait)
+            yield f"dispatch_vec_env, {size}, {how}: {rates(times)} decisions/s"
+    for name in WAREHOUSES:
+        try:
+            times = [1.0 / rate for rate in rware_agent_steps(name, STEPS)]
+        except RuntimeError as error:
+            yield f"{name}: not measured: {error}"
+        else:
+            yield f"{name}: {rates(times)} agent steps/s"
+
+
+def rates(times: list[float]) -> str:
+    """Return how many a second of processor time, from the seconds of one: median and best."""
+    return f"{1 / median(times):,.0f} (best {1 / min(times):,.0f})"
+
+
 def lines() -> Iterator[str]:
     """Return the measurements, one in a line."""
     random = np.random.default_rng(1)
@@ -98,6 +180,7 @@ def lines() -> Iterator[str]:
         )
     times = dispatch()
     yield f"dispatch, a whole harvest: {1e3 * median(times):.0f} ms (best {1e3 * min(times):.0f})"
+    yield from dispatch_lines()
 
 
 if __name__ == "__main__":

@@ -21,6 +21,9 @@ PACKAGES = {
     "irsim-x": "irsim-x==1.1.4",
     "navground": "navground==0.7.0",
 }
+# Measured by bench.learning only.
+RWARE = "rware"
+LEARNING_PACKAGES = {RWARE: "rware==2.0.0"}
 ALSO = ("numpy==2.4.6", "pyyaml==6.0.3")  # for the drivers
 START_SECONDS = 90.0  # time for the start; creating a thousand robots takes long
 
@@ -38,7 +41,8 @@ QUOTED: dict[str, tuple[float, ...]] = {
 def install(name: str) -> str:
     """Create the environment of a simulator unless it exists. Return '', or why that failed."""
     home = ENVIRONMENTS / name
-    if (home / "ready").exists() and (home / "ready").read_text() == PACKAGES[name]:
+    package = (PACKAGES | LEARNING_PACKAGES)[name]
+    if (home / "ready").exists() and (home / "ready").read_text() == package:
         return ""
     venv.create(home, clear=True, with_pip=True)
     command = [
@@ -47,13 +51,13 @@ def install(name: str) -> str:
         "pip",
         "install",
         "--quiet",
-        PACKAGES[name],
+        package,
         *ALSO,
     ]
     process = subprocess.run(command, capture_output=True, check=False, text=True)
     if process.returncode:
         return (process.stderr.strip().splitlines() or ["pip failed"])[-1]
-    (home / "ready").write_text(PACKAGES[name])
+    (home / "ready").write_text(package)
     return ""
 
 
@@ -74,3 +78,20 @@ def steps_per_second(name: str, robots: int, seconds: float) -> float:
     if process.returncode:
         raise RuntimeError(f"{name}: {process.stderr.strip().splitlines()[-1]}")
     return float(json.loads(process.stdout.strip().splitlines()[-1])["steps_per_second"])
+
+
+def rware_agent_steps(environment: str, steps: int) -> list[float]:
+    """Return the agent steps a second of processor time of an environment of rware, of several
+    measurements.
+
+    Raises RuntimeError where it cannot be installed, or fails.
+    """
+    if fault := install(RWARE):
+        raise RuntimeError(fault)
+    python = ENVIRONMENTS / RWARE / "bin" / "python"
+    command = [str(python), str(HERE / "peers" / "rware_driver.py"), environment, str(steps)]
+    process = subprocess.run(command, capture_output=True, check=False, text=True)
+    if process.returncode:
+        raise RuntimeError(process.stderr.strip().splitlines()[-1])
+    rates: list[float] = json.loads(process.stdout)["agent_steps_per_second"]
+    return rates

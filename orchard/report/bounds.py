@@ -211,7 +211,14 @@ def _times_of_pass(route: OneWay, leaves_early: bool, current: Pass, after: Pass
     else:
         row_end = beside_picking - _handling(plan)
     if not current.leaves_bin:
-        return BinTimes(picking, beside_picking, 0.0, 0.0, row_end, 0.0)
+        return BinTimes(
+            picking=picking,
+            crossing=beside_picking,
+            waiting=0.0,
+            cycle=0.0,
+            row_end=row_end,
+            charging=0.0,
+        )
     side = route.sides[current.end]
     fetch = route.fetch(1, current.row, side, "", "")
     job = list(timed_steps(fetch, route.queue.place(0), layout.machines["carrier"]))
@@ -226,7 +233,14 @@ def _times_of_pass(route: OneWay, leaves_early: bool, current: Pass, after: Pass
     stop_line = _claimed(job, side.place("D", current.row), stop)
     waiting = max(coming, coming_out + stop - stop_line) + handover_seconds(layout)
     cycle, charging = _cycle_and_charging(layout, job)
-    return BinTimes(picking, beside_picking - coming_out, waiting, cycle, row_end, charging)
+    return BinTimes(
+        picking=picking,
+        crossing=beside_picking - coming_out,
+        waiting=waiting,
+        cycle=cycle,
+        row_end=row_end,
+        charging=charging,
+    )
 
 
 def _way_in_seconds(route: OneWay, side: Side, x: float) -> float:

@@ -7,6 +7,7 @@ a get, a reply or a drop.
 import json
 import logging
 import os
+import re
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -60,6 +61,8 @@ _ALONE: dict[str, Any] = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
 }
+# Part of a value of ZENOH_RUNTIME with which nothing can be received.
+NO_THREADS = re.compile(r"worker_threads\s*:\s*0+\s*[,)]")
 # A session does not receive its own samples.
 _OTHERS = zenoh.Locality.REMOTE
 _OPEN = (
@@ -270,8 +273,12 @@ def _opened(
 def check_runtime() -> None:
     """Raise BusError if Zenoh cannot begin with the user's own ZENOH_RUNTIME."""
     chosen = os.environ.get(RUNTIME, ONE_THREAD)
-    if chosen != ONE_THREAD:
-        _begin_with(chosen)
+    if chosen == ONE_THREAD:
+        return
+    # Zenoh starts these threads when something connects, and ends the process then.
+    if NO_THREADS.search(chosen):
+        raise BusError(f"{RUNTIME}={printable(chosen)}: worker_threads must be 1 or more")
+    _begin_with(chosen)
 
 
 @cache

@@ -113,6 +113,13 @@ def test_a_runtime_that_zenoh_does_not_know_is_told(command, tmp_path):
     assert told.count("\n") == 1
 
 
+@pytest.mark.parametrize("runtime", ["(rx: (worker_threads: 0))", "(acc:(worker_threads:00,))"])
+def test_a_runtime_without_threads_is_told(runtime, tmp_path):
+    code, told = shell(f"ZENOH_RUNTIME='{runtime}' orchard {SHORT}", tmp_path)
+    assert code == 2
+    assert told == f"ZENOH_RUNTIME={runtime}: worker_threads must be 1 or more\n"
+
+
 def test_a_runtime_of_the_users_own_is_used(tmp_path):
     line = f"ZENOH_RUNTIME='(rx: (worker_threads: 1))' orchard {SHORT} --summary summary.json"
     code, told = shell(line, tmp_path)

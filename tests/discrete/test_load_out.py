@@ -206,6 +206,17 @@ def test_limit_and_losses_know_the_load_out() -> None:
     assert parts["traffic"] < 0.1 * seconds
 
 
+def test_time_at_the_load_out_is_charged_as_standing() -> None:
+    """With a battery that loses nothing while the carrier stands, more time there costs nothing."""
+    battery = {"hours": 2.0, "hours_to_charge": 1.0, "standing": 0.0}
+    charging = []
+    for seconds in (60.0, 160.0):
+        away = {"metres": 400.0, "speed": 4.0, "seconds": seconds}
+        layout = small(load_out=away, carrying={"battery": battery}, chargers=1)
+        charging += [times.charging for times in Bounds(layout).of_pickers.values()]
+    assert charging[:2] == pytest.approx(charging[2:])
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

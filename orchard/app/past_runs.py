@@ -177,6 +177,7 @@ def lineages(runs: Mapping[str, PastRun]) -> list[list[PastRun]]:
         result.append(lineage)
 
     def places(lineage: list[PastRun]) -> list[int]:
+        """Return the places in the list of a run and of those that it goes on from."""
         return [order[past.name] for past in lineage]
 
     return sorted(result, key=places)

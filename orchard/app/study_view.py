@@ -170,9 +170,11 @@ class StudyView:
         self._update_buttons()
 
     def _enter_horizon(self, event: ValueChangeEventArguments[Any]) -> None:
+        """Take whether a harvest or the long run is asked for."""
         self._enter(horizon=event.value)
 
     def _enter_budget(self, event: ValueChangeEventArguments[Any]) -> None:
+        """Take the time that the study may take."""
         self._enter(budget=event.value or "")
 
     def _start(self) -> None:

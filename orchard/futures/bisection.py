@@ -183,6 +183,7 @@ def confirmed_search(
     """
 
     def lived_at(tick: int) -> list[Future]:
+        """Return the futures of a moment, done by the simulator."""
         return futures.live(begun_at(tick))
 
     bisection = Bisection(lived_at, expected.ends_badly)
@@ -234,6 +235,7 @@ def badly(condition: str, known: Collection[str]) -> Callable[[Future], bool]:
     limit = float(parts[3])
 
     def ends_badly(future: Future) -> bool:
+        """Whether a future jams, or its figure is beyond the limit."""
         return not well_ended([future]) or bool(is_beyond(future[key], limit))
 
     return ends_badly

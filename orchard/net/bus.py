@@ -130,6 +130,7 @@ class Inbox:
             signal.signal(number, self._take_signal)
 
     def _take_signal(self, number: int, frame: object) -> None:
+        """Put a signal that has come to this process."""
         self.put(Signal(number))
 
     def put(self, item: Item) -> None:

@@ -205,6 +205,7 @@ class Host:
         """Return the reply of physics to a query, a message of a type. Raises BusError."""
 
         def read_reply(payload: bytes) -> M:
+            """Return the message of this run in a payload. Raises ValueError."""
             return read_message(payload, type_, self.run_id)
 
         return ask(
@@ -236,6 +237,7 @@ class Host:
         tick = self.latest.tick
 
         def has_mail() -> bool:
+            """Whether all mail of the tick is here."""
             return self.mailbox.is_settled(tick, self.latest.asked)
 
         if not has_mail():

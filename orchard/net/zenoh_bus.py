@@ -161,9 +161,11 @@ class ZenohBus(Bus):
         put = self.inbox.put
 
         def take(reply: zenoh.Reply) -> None:
+            """Put a reply into the inbox."""
             put(_replied(ticket, reply))
 
         def end() -> None:
+            """Put the end of the replies into the inbox."""
             put(Final(ticket))
 
         handler: Callback[zenoh.Reply] = Callback(take, end, indirect=False)

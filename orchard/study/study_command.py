@@ -182,6 +182,7 @@ def _files(chosen: StudyArguments) -> dict[Path, Save]:
 
 
 def _save_summary(result: StudyResult, path: Path) -> None:
+    """Write a result as JSON. Raises OSError."""
     write_summary(path, asdict(result))
 
 

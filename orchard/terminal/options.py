@@ -134,6 +134,7 @@ def _parameters_of(kind: type) -> list[inspect.Parameter]:
 
 
 def _has_default(parameter: inspect.Parameter) -> bool:
+    """Whether a parameter may be left out."""
     return parameter.default is not parameter.empty
 
 

@@ -73,6 +73,7 @@ SELDOM = (
     "fill",
     "alive",
     "row_ends",
+    "trailers",
 )  # fields that a frame may leave out while they are unchanged
 
 
@@ -115,6 +116,10 @@ class Frame:
     charges: Mapping[str, float] = field(default_factory=dict)
     left_out: int = 0  # earlier frames that were merged into this one
     is_whole: bool = False  # whether all but the scans is complete: a viewer can begin with it
+    # (t, 3) int: the trailers of the load-out, as in `World`; None: unchanged.
+    trailers: np.ndarray | None = None
+    # Full bins that wait at the bay for the truck.
+    waiting_bins: int = 0
 
 
 def merged(old: Frame, new: Frame) -> Frame:

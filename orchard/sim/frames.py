@@ -49,6 +49,7 @@ class FrameBuilder:
             states={name: state for name, (_, state) in news.items()},
             scans=list(scans) if world.tick % SCAN_TICKS == 0 else None,
             delivered=world.delivered,
+            waiting_bins=world.waiting_bins,
             events=events,
             is_whole=is_whole,
             velocities=self._new_velocities(velocities),

@@ -22,6 +22,7 @@ from orchard.view.columns import Columns, times
 from orchard.view.files import RecordingFile
 from orchard.view.focus import FOCUS, Focus, log_focus
 from orchard.view.legend import log_legend
+from orchard.view.load_out import LoadOutView
 from orchard.view.names import NameView
 from orchard.view.reader import LEFT_OUT, LETTERS, MISSING, SCENARIO, SINCE, VELOCITIES
 from orchard.view.scenery import log_scenery
@@ -89,6 +90,7 @@ class Recorder:
         self._columns = columns
         self.bodies = BodyView(columns, layout)
         self.rows = RowView(columns, layout)
+        self.load_out = LoadOutView(columns, layout)
         self.talk = Talk(columns, layout)
         self.names = NameView(columns, layout)
         self.focus = Focus(layout)
@@ -277,6 +279,8 @@ class Recorder:
             self.bodies.weeds(frame.alive)
         if frame.row_ends is not None:
             self.rows.show(frame.row_ends)
+        self.load_out.trailers(frame.tick, frame.trailers)
+        self.load_out.bins(frame.waiting_bins)
 
     def _words(self, frame: Frame) -> None:
         """Add what bodies do, their names on the plan, and the events with their arcs."""

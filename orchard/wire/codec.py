@@ -250,6 +250,7 @@ def picture_of(run: str, frame: Frame) -> wire.TickStateMessage:
         doing=dict(frame.doing),
         **seldom,
         delivered=frame.delivered,
+        waiting_bins=frame.waiting_bins,
         states=dict(frame.states),
         velocities={name: [*known] for name, known in frame.velocities.items()},
         charges=dict(frame.charges),
@@ -282,6 +283,7 @@ def frame_of(picture: wire.TickStateMessage, layout: Layout) -> Frame:
         scans=scans,
         **seldom,
         delivered=picture.delivered,
+        waiting_bins=picture.waiting_bins,
         states=picture.states,
         velocities=velocities,
         charges=picture.charges,
@@ -297,10 +299,14 @@ def _fits(
 ) -> bool:
     """Whether a picture has the bodies and rows of a layout. `seldom`: its arrays, by name."""
     bodies = len(layout.names)
+    load_out = layout.scenario.load_out
+    # Others have one entry for each body.
+    lengths = {"row_ends": layout.scenario.rows, "trailers": load_out.trailers.count or 1}
     for name, array in seldom.items():
-        expected = layout.scenario.rows if name == "row_ends" else bodies
-        if len(array) != expected:
+        if len(array) != lengths.get(name, bodies):
             return False
+    if picture.waiting_bins > (load_out.empty_bins or 0):
+        return False
     if picture.scans is not None:
         sizes = [RANGE * _beams_of(name) for name in layout.names]
         if [len(scan) for scan in picture.scans] != sizes:

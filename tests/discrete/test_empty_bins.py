@@ -21,7 +21,9 @@ from orchard.local import Local
 from orchard.report.bounds import Bounds
 from orchard.report.metrics import HarvestFigures, harvest_figures
 from orchard.sim import stock
+from orchard.sim.frames import FrameBuilder
 from orchard.study.words import orchard_words
+from orchard.wire.codec import frame_of, picture_of
 
 SMALL: dict[str, Any] = NOBODY | {
     "rows": 6,
@@ -251,3 +253,23 @@ def test_bins_that_do_not_come_back_are_refused(text: str, words: str) -> None:
     with pytest.raises(ScenarioError, match="load_out") as refusal:
         parse(f"load_out: {text}")
     assert words in str(refusal.value)
+
+
+# -- the picture
+
+
+@pytest.mark.parametrize("load_out", [TRUCK, TRAILERS])
+def test_frames_tell_of_the_load_out(load_out: dict[str, Any]) -> None:
+    """They come over the wire as they were sent, and only with what changed."""
+    run = Local(with_load_out(load_out).scenario, is_hashed=False)
+    world = run.engine.world
+    builder = FrameBuilder(run.engine)
+    shown = world.trailers.tolist()
+    while not world.waiting_bins and not world.trailers[:, 1].any():
+        events = run.tick()
+        sent = builder.frame(events)
+        frame = frame_of(picture_of("run", sent), run.engine.layout)
+        if frame.trailers is not None:
+            shown = frame.trailers.tolist()
+        assert shown == world.trailers.tolist()
+        assert frame.waiting_bins == world.waiting_bins

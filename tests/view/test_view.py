@@ -199,6 +199,41 @@ def test_a_bin_fills_and_its_bar_comes_and_goes(layout: Layout, tmp_path: Path) 
     ] == [1, 0]
 
 
+def boxes_at(path: Path, entity: str) -> list[tuple[float, int]]:
+    """Return how many boxes an entity of the load-out shows from when on, s."""
+    rows = Rows(path, f"/world/load_out/{entity}").values("Boxes3D:half_sizes")
+    return [(seconds, len(boxes)) for seconds, boxes in rows]
+
+
+def test_a_trailer_leaves_and_comes_back(tmp_path: Path) -> None:
+    """It has a deck, and a load if bins are on it."""
+    trailers = {"count": 2, "bins": 2}
+    scenario = Scenario.model_validate({"load_out": {"seconds_away": 2.0, "trailers": trailers}})
+    layout = lay_out(scenario)
+    told = {0: [[0, 0, 0], [0, 0, 0]], 5: [[1, 0, 0], [0, 0, 0]], 10: [[0, 30, 2], [0, 0, 0]]}
+    frames = []
+    for tick in range(40):
+        array = np.array(told[tick]) if tick in told else None
+        frames.append(Frame(tick, starts(layout), trailers=array))
+    path = recording_of(tmp_path / "trailers.rrd", layout, frames)
+    assert boxes_at(path, "trailer_1") == [(0.0, 1), (0.5, 2), (1.0, 0), (3.0, 1)]
+    assert boxes_at(path, "trailer_2") == [(0.0, 1)]
+
+
+def test_full_bins_wait_for_the_truck(tmp_path: Path) -> None:
+    truck = {"every": 60.0, "bins": 2}
+    scenario = Scenario.model_validate({"load_out": {"truck": truck, "empty_bins": 3}})
+    layout = lay_out(scenario)
+    waiting = [0, 0, 1, 2, 0]
+    frames = [Frame(tick, starts(layout), waiting_bins=bins) for tick, bins in enumerate(waiting)]
+    path = recording_of(tmp_path / "truck.rrd", layout, frames)
+    rows = Rows(path, "/world/load_out/bins").values("Boxes3D:colors")
+    full = []
+    for _, colours in rows:
+        full.append(sum(colour != colours[-1] for colour in colours))
+    assert full == [0, 1, 2, 0]
+
+
 @pytest.fixture
 def surveyed(tmp_path: Path) -> tuple[Layout, Path]:
     layout = lay_out(orchard_of(UNEQUAL))

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from msgspec import Meta
 
 from orchard.contract.events import Event
-from orchard.contract.messages import Text
+from orchard.contract.messages import Text, Tick
 from orchard.wire.messages.mail import Letters
 from orchard.wire.messages.values import (
     Body,
@@ -36,6 +36,10 @@ Reason = Literal[
 ]  # fmt: skip
 # Reason -> number of refused messages.
 Counts = dict[Reason, Annotated[int, Meta(ge=0, lt=2**53)]]
+
+
+# Of bins.
+Count = Annotated[int, Meta(ge=0, lt=2**31)]
 
 
 class RefusedThere(RunMessage):
@@ -81,6 +85,12 @@ ROW_ENDS = (
 )
 
 
+TRAILERS = (
+    "for each trailer of the load-out, the bins on it at the bay, the tick at which it is or was"
+    " back, and the bins that it took then; without trailers one of zeros"
+)
+
+
 class TickStateMessage(Message):
     """The orchard after the step to this tick, for observers. `nil` means unchanged. It is `whole`
     every 5 s, and when a logger joins.
@@ -113,6 +123,10 @@ class TickStateMessage(Message):
     ] = False
     velocities: Annotated[dict[Name, DoneAndWanted], Meta(description=VELOCITIES)] = {}
     charges: Annotated[dict[Name, Charge], Meta(description=CHARGES)] = {}
+    trailers: Annotated[list[tuple[Count, Tick, Count]] | None, Meta(description=TRAILERS)] = None
+    waiting_bins: Annotated[
+        Count, Meta(description="full bins that wait at the bay for the truck")
+    ] = 0
 
 
 class Bundle(Message):

@@ -4,6 +4,7 @@ from datetime import timedelta
 from pathlib import Path
 
 import pytest
+from code_blocks import block, commands
 from command_line import orchard
 from made_logs import log_text
 
@@ -36,26 +37,27 @@ def folder(tmp_path_factory) -> Path:
             moved = bin_.day + timedelta(days=day)
             bins.append(BinTimes(**vars(bin_) | {"day": moved}))
     (made / "log.csv").write_text(log_text(bins))
-    (made / "on.yaml").write_text(to_short_yaml(BASE))
+    (made / "rent.yaml").write_text(to_short_yaml(BASE))
     return made
 
 
-def test_a_log_gives_a_scenario_and_a_tested_rate(folder):
-    out = folder / "mine.yaml"
-    words = ("calibrate", folder / "log.csv", "--on", folder / "on.yaml", "--out", out)
-    told = orchard(*words).stdout
+def test_the_documented_command_gives_a_tested_rate(folder):
+    (line,) = commands(block("docs/how-to.md", "calibrate"))
+    # After Python and run.py.
+    words = line[2:]
+    told = orchard(*words, folder=folder).stdout
     assert "36 bins of 2 days" in told
     assert "2000-01-02, which the fit did not see:" in told
-    scenario = load(out)
+    scenario = load(folder / "mine.yaml")
     assert scenario.picking_rate == pytest.approx(4.0, rel=0.2)
     assert (scenario.rows, scenario.pickers, scenario.carriers) == (6, 3, 2)
     assert f"{scenario.picking_rate:.3g}" in told
     # A scenario of this command may be replaced, and no other file.
-    assert orchard(*words).stdout == told
-    text = (folder / "on.yaml").read_text()
-    refused = orchard(*words[:2], "--out", folder / "on.yaml", code=2).stderr
+    assert orchard(*words, folder=folder).stdout == told
+    text = (folder / "rent.yaml").read_text()
+    refused = orchard(*words[:2], "--out", "rent.yaml", folder=folder, code=2).stderr
     assert "is not a scenario of `orchard calibrate` that the Orchard has written" in refused
-    assert (folder / "on.yaml").read_text() == text
+    assert (folder / "rent.yaml").read_text() == text
 
 
 def test_a_wrong_log_is_told_and_nothing_is_written(folder, tmp_path):

@@ -60,7 +60,8 @@ def _calibrate(chosen: CalibrationOptions) -> None:
             tested = check_on_day(fitted, of_day, logged.silences, chosen.confidence, tell)
     print_line(_heading(log, logged.bins, days))
     console.print(fitted_table(fitted, chosen.confidence))
-    print_line(rates_sentence(fitted))
+    if any(fitted.picking.rates):
+        print_line(rates_sentence(fitted))
     for sentence in tested_sentences(tested, days, chosen.confidence):
         print_line(sentence)
     _print_notes([*log.notes, *orchard.notes, *fitted.notes])

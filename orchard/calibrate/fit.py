@@ -7,13 +7,13 @@ values fitted so far, and what a bin takes there beside them is taken off the us
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from pydantic import BaseModel
 
-from orchard.calibrate.bins import LoggedBins
+from orchard.calibrate.bins import BinTimes, LoggedBins
 from orchard.calibrate.driving import BinDrives, DrivingFit, drives_of, fit_driving
 from orchard.calibrate.model_bins import metres_to_bay, model_bins
 from orchard.calibrate.picking import (
@@ -113,7 +113,7 @@ def _fit_picking(
         changes = _rate_values(rate)
         with _as_of_the_log(file, rate):
             model = with_changes(plain, **changes)
-        of_model = intervals_of(model_bins(model))
+        of_model = intervals_of(_named_as_in(intervals, model_bins(model)))
         if not of_model:
             text = "the scenario that --on names has too few bins in a row to be compared with it"
             raise ScenarioError([Problem(file, text)])
@@ -133,6 +133,13 @@ def _fit_picking(
         return fit_picking(PickingTimes(intervals, beside), usual, confidence)
     except ValueError as error:
         raise ScenarioError([Problem(file, str(error))]) from None
+
+
+def _named_as_in(intervals: Sequence[BinInterval], bins: Sequence[BinTimes]) -> list[BinTimes]:
+    """Return the bins of a model without pickers, if a log names none, so that both are alike."""
+    if any(interval.picker for interval in intervals):
+        return list(bins)
+    return [replace(of_model, picker="") for of_model in bins]
 
 
 @contextmanager
@@ -167,7 +174,7 @@ def _picking_values(base: Scenario, picking: PickingFit, notes: list[str]) -> di
     for key, (spread, before, name) in spreads.items():
         values[key] = ALIKE
         if spread is None:
-            notes.append(f"one picker, so nothing is told of how {name} differ")
+            notes.append(f"how {name} differ is not told: the log names one at most")
         elif spread.value < LEAST_CV:
             notes.append(f"{name} do not differ for certain: {key}.distribution is none")
         else:

@@ -28,12 +28,20 @@ LEAST_FACTORS = 4
 
 @dataclass(frozen=True)
 class BinInterval:
-    """The time from a fetched bin to the next full one, s. `line`: of the log, at its end."""
+    """The time from a fetched bin to the next full one, s. `line`: of the log, at its end.
+
+    `picker` is "" where only rows are named: then all rows are those of one unknown crew.
+    """
 
     picker: str
     row: str
     seconds: float
     line: int
+
+    @property
+    def whose(self) -> str:
+        """Whose bin it is, in words."""
+        return self.picker or f"row {self.row}"
 
 
 def intervals_of(bins: Sequence[BinTimes], silences: Sequence[Silence] = ()) -> list[BinInterval]:
@@ -49,7 +57,7 @@ def intervals_of(bins: Sequence[BinTimes], silences: Sequence[Silence] = ()) -> 
                 continue
             if not is_silent(silences, after.day, begin, after.full):
                 seconds = after.full - begin
-                intervals.append(BinInterval(after.chain, after.row, seconds, after.line))
+                intervals.append(BinInterval(after.picker, after.row, seconds, after.line))
     return intervals
 
 
@@ -77,7 +85,7 @@ def without_long_ones(
             kept.append(interval)
             continue
         sentences.append(
-            f"{file}:{interval.line}: a bin of {interval.picker} took"
+            f"{file}:{interval.line}: a bin of {interval.whose} took"
             f" {interval.seconds / 60.0:.0f} min, {times:.1f} times as long as most: a break, or"
             " lines are missing; it is left out"
         )

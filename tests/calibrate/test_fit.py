@@ -115,6 +115,16 @@ def test_a_last_day_of_the_same_kind_is_as_predicted():
     assert not tested.low <= rate_of(slower) <= tested.high
 
 
+def test_a_log_of_rows_without_pickers_gives_the_rate_back():
+    spread = {"spread": {"distribution": "lognormal", "cv": 0.2}}
+    truth = with_changes(KNOWN, picking_rate=2.0, picking=spread, seed=5)
+    bins = [BinTimes(**vars(bin_) | {"picker": ""}) for bin_ in log_of(truth)]
+    picking = fit(LoggedBins(bins, [], []), KNOWN, False, "log.csv").picking
+    assert picking.rate.low <= 2.0 <= picking.rate.high
+    assert picking.between_rows.low <= 0.2 <= picking.between_rows.high
+    assert (picking.between_pickers, list(picking.rates)) == (None, [""])
+
+
 def test_one_day_is_fitted_and_leaves_no_test():
     bins = log_of(with_changes(KNOWN, picking_rate=2.0))
     earlier, of_day = split_last_day(LoggedBins(bins, [], []))

@@ -17,7 +17,7 @@ from itertools import groupby
 from typing import NamedTuple
 
 from orchard.dispatch.ranking import MARGIN
-from orchard.field.layout import KEPT_LAYOUTS, Layout
+from orchard.field.layout import KEPT_LAYOUTS, Geometry, Layout
 from orchard.field.queue import CLOSED_UP
 from orchard.field.scenario import TIME_STEP
 from orchard.plans.jobs import TimedJob, Use, jobs_of
@@ -108,9 +108,17 @@ def _in_order(events: Sequence[CourseEvent]) -> list[CourseEvent]:
     return sorted(events, key=lambda event: (event.tick, event.what.value))
 
 
-@lru_cache(maxsize=KEPT_LAYOUTS)
 def courses_of(layout: Layout) -> dict[str, list[JobCourse]]:
-    """Return the courses of each picker's jobs, with rows that are all picked at the mean speed."""
+    """Return the courses of each picker's jobs, with rows that are all picked at the mean speed.
+
+    They are the same ones for all seeds.
+    """
+    return _courses_of(Geometry.of(layout))
+
+
+@lru_cache(maxsize=KEPT_LAYOUTS)
+def _courses_of(geometry: Geometry) -> dict[str, list[JobCourse]]:
+    layout = geometry.layout
     lanes = []
     for lane in layout.lanes:
         lanes.append(replace(lane, picking_speed=layout.scenario.mean_picking_speed))

@@ -2,6 +2,7 @@
 docs/bounds.md says.
 """
 
+from dataclasses import dataclass
 from math import inf, pi
 
 from orchard.field.kinds import KINDS, kind_of
@@ -37,19 +38,25 @@ def ticks_of_look(is_near: float, stays: float, nearness: float) -> int:
     return ASK
 
 
+@dataclass(frozen=True)
 class Bystanders:
     """The people and animals of one orchard."""
 
-    def __init__(self, layout: Layout) -> None:
+    seed: int
+    #: Per m2.
+    density: float
+    #: m, mean.
+    radius: float
+
+    @classmethod
+    def of(cls, layout: Layout) -> "Bystanders":
+        """Return those of a layout."""
         bystanders = bystanders_of(layout)
         area = (layout.east - X_WEST) * (layout.top - layout.bottom)
-        self.seed = layout.scenario.seed
-        # Per m2.
-        self.density = len(bystanders) / area
-        # m, mean.
-        self.radius = 0.0
+        radius = 0.0
         if bystanders:
-            self.radius = sum(body.radius for body in bystanders) / len(bystanders)
+            radius = sum(body.radius for body in bystanders) / len(bystanders)
+        return cls(layout.scenario.seed, len(bystanders) / area, radius)
 
     @property
     def metres(self) -> float:

@@ -1,9 +1,12 @@
 """The random draws of a harvest: as many as robots have used, and as many again.
 
-Each draw belongs to the seed, the robot and its number, so more of them change none.
+Each draw belongs to the seed, the robot and its number, so more of them change none. They are kept:
+fleets that are compared have the same seeds.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +18,8 @@ from orchard.field.scenario import Scenario
 
 # Of each kind for each robot, at first.
 FIRST = 8
+# Parts of the draws of robots that are kept: those of some hundred robots and seeds.
+KEPT = 4096
 
 
 def draws(
@@ -24,11 +29,13 @@ def draws(
 
     `failure_seed`: that of failures; None: no robot fails.
     """
-    bystanders = Bystanders(layout)
+    bystanders = Bystanders.of(layout)
+    of_ways = count if bystanders.density else 0
+    of_failures = 0 if failure_seed is None else count
     return {
-        "failures": _failures(failure_seed, names, count),
-        "encounters": _encounters(bystanders, names, count),
-        "looks": _looks(bystanders, names, count),
+        "failures": _table(_failures, failure_seed, names, of_failures, c.FAILURE),
+        "encounters": _table(_encounters, bystanders, names, of_ways, c.ENCOUNTER),
+        "looks": _table(_looks, bystanders, names, of_ways, c.LOOK),
     }
 
 
@@ -37,39 +44,51 @@ def has_failures(scenario: Scenario) -> bool:
     return bool(scenario.picking.failure.mean_between or scenario.carrying.failure.mean_between)
 
 
-def _failures(seed: int | None, names: Sequence[str], count: int) -> np.ndarray:
-    """Return the failures of robots, as shares of the mean times, (r, count)."""
-    if seed is None:
-        count = 0
-    failures = np.zeros((len(names), count), c.FAILURE).view(np.recarray)
+def _table(
+    drawn: Callable[..., np.ndarray],
+    source: Any,
+    names: Sequence[str],
+    count: int,
+    columns: np.dtype[Any],
+) -> np.ndarray:
+    """Return the draws of all robots, (r, count).
+
+    `drawn`: returns those of a robot from one number up to another one. `source`: on what they
+    depend beside that.
+    """
+    table = np.zeros((len(names), count), columns).view(np.recarray)
     for robot, name in enumerate(names):
-        for number in range(count):
-            assert seed is not None
-            failures[robot, number] = failure(seed, name, number, 1.0, 1.0)
-    return failures
+        first = 0
+        while first < count:
+            last = min(count, max(FIRST, 2 * first))
+            table[robot, first:last] = drawn(source, name, first, last)
+            first = last
+    return table
 
 
-def _encounters(bystanders: Bystanders, names: Sequence[str], count: int) -> np.ndarray:
-    """Return whom robots meet on their ways, (r, count)."""
-    if not bystanders.density:
-        count = 0
-    encounters = np.zeros((len(names), count), c.ENCOUNTER).view(np.recarray)
-    for robot, name in enumerate(names):
-        for number in range(count):
-            metres = bystanders.metres_to(name, number)
-            encounters[robot, number] = (metres, bystanders.meeting_ticks(name, number))
-    return encounters
+@lru_cache(maxsize=KEPT)
+def _failures(seed: int, name: str, first: int, last: int) -> np.ndarray:
+    """Return failures of a robot, as shares of the mean times."""
+    failures = [failure(seed, name, number, 1.0, 1.0) for number in range(first, last)]
+    return np.array(failures, c.FAILURE)
 
 
-def _looks(bystanders: Bystanders, names: Sequence[str], count: int) -> np.ndarray:
-    """Return how long robots stand before their turns, (r, count). Turns count from 1."""
-    if not bystanders.density:
-        count = 0
-    looks = np.zeros((len(names), count), c.LOOK).view(np.recarray)
-    for robot, name in enumerate(names):
-        for number in range(count):
-            without, towing = (
-                bystanders.turning_ticks(name, number + 1, is_towing) for is_towing in (False, True)
-            )
-            looks[robot, number] = (without, towing)
-    return looks
+@lru_cache(maxsize=KEPT)
+def _encounters(bystanders: Bystanders, name: str, first: int, last: int) -> np.ndarray:
+    """Return whom a robot meets on its ways."""
+    encounters = []
+    for number in range(first, last):
+        metres = bystanders.metres_to(name, number)
+        encounters.append((metres, bystanders.meeting_ticks(name, number)))
+    return np.array(encounters, c.ENCOUNTER)
+
+
+@lru_cache(maxsize=KEPT)
+def _looks(bystanders: Bystanders, name: str, first: int, last: int) -> np.ndarray:
+    """Return how long a robot stands before its turns. Turns count from 1."""
+    looks = []
+    for number in range(first, last):
+        without = bystanders.turning_ticks(name, number + 1, is_towing=False)
+        towing = bystanders.turning_ticks(name, number + 1, is_towing=True)
+        looks.append((without, towing))
+    return np.array(looks, c.LOOK)

@@ -3,7 +3,7 @@ harvests of it begin. Both are kept for all its seeds.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from math import inf
 from typing import Any
@@ -15,10 +15,9 @@ from orchard.event_model.draws import draws
 from orchard.event_model.known import COMPILED
 from orchard.event_model.program import Program
 from orchard.field.kinds import DISPATCH, EIGHTH, KINDS
-from orchard.field.layout import KEPT_LAYOUTS, Layout
+from orchard.field.layout import KEPT_LAYOUTS, Geometry, Layout
 from orchard.field.machines import haul_charge
 from orchard.field.placement import Start
-from orchard.field.rows import Block
 from orchard.plans.routes import ROUTES
 
 # Arrays of a model that a harvest changes.
@@ -41,17 +40,6 @@ STATE = (
 
 
 @dataclass(frozen=True)
-class _Geometry:
-    """What a program depends on. The speeds of rows are none of it."""
-
-    scenario: str
-    # A battery that lasts for ever reads as none in a scenario's text, and has charging lines.
-    queue_places: int
-    blocks: tuple[tuple[str, Block], ...]
-    layout: Layout = field(compare=False)
-
-
-@dataclass(frozen=True)
 class Prepared:
     """What all seeds of an orchard share."""
 
@@ -69,21 +57,13 @@ def prepare(layout: Layout) -> Prepared:
 
     Raises NotImplementedError for a step that the model does not know.
     """
-    scenario = layout.scenario
-    if scenario.route in ROUTES:
-        # The steps of a route of the user's own may depend on the seed.
-        scenario = scenario.model_copy(update={"seed": 0})
-    geometry = _Geometry(
-        scenario=scenario.model_dump_json(),
-        queue_places=layout.queue_places,
-        blocks=tuple(layout.blocks.items()),
-        layout=layout,
-    )
-    return _prepared(geometry)
+    # The steps of a route of the user's own may depend on the seed.
+    has_seed = layout.scenario.route not in ROUTES
+    return _prepared(Geometry.of(layout, has_seed))
 
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
-def _prepared(geometry: _Geometry) -> Prepared:
+def _prepared(geometry: Geometry) -> Prepared:
     layout = geometry.layout
     program = Program(layout)
     if layout.scenario.route not in ROUTES:

@@ -4,7 +4,7 @@ Metres, in the frame `map`: x east, y north.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from math import ceil
@@ -348,6 +348,31 @@ def top_line(to_first_lane: float) -> float:
 
 
 Rows = tuple[tuple[Lane, ...], tuple[TreeLine, ...]]
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """A layout as a key for what depends on no seed: the speeds of rows are none of it."""
+
+    scenario: str
+    # A battery that lasts for ever reads as none in a scenario's text, and has charging lines.
+    queue_places: int
+    blocks: tuple[tuple[str, Block], ...]
+    #: One of the layouts that are so.
+    layout: Layout = field(compare=False)
+
+    @classmethod
+    def of(cls, layout: Layout, has_seed: bool = False) -> "Geometry":
+        """Return that of a layout. `has_seed`: layouts of other seeds have another one."""
+        scenario = layout.scenario
+        if not has_seed:
+            scenario = scenario.model_copy(update={"seed": 0})
+        return cls(
+            scenario=scenario.model_dump_json(),
+            queue_places=layout.queue_places,
+            blocks=tuple(layout.blocks.items()),
+            layout=layout,
+        )
 
 
 @lru_cache(maxsize=KEPT_LAYOUTS)

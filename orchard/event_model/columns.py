@@ -426,6 +426,8 @@ GLOBAL_ASSIGNMENT = 5
 # In Python. Bins report to an early one before they are full.
 IN_PYTHON = 6
 IN_PYTHON_EARLY = 7
+# An early one that is asked only if a carrier can leave for a bin that is due.
+IN_PYTHON_WHEN_DUE = 8
 
 DESK = np.dtype(
     [

@@ -78,6 +78,8 @@ class EventHarvest:
         if self.model.desk[0].policy == c.IN_PYTHON:
             self._policy = AskedPolicy(layout)
             self._ask_python(self._policy.is_early)
+            if self._policy.decides_when_due:
+                self.model.desk.policy = c.IN_PYTHON_WHEN_DUE
 
     @classmethod
     def paused(cls, layout: Layout, is_early: bool) -> "EventHarvest":
@@ -206,6 +208,8 @@ class EventHarvest:
                 self._draw_more()
             elif reason == c.ASKS_POLICY and self._policy is not None:
                 decision = self.decision
+                if self._policy.decides_when_due:
+                    self._policy.memory.full.update(self._decisions.full())
                 orders = self._policy.orders(decision.now, decision.bins, decision.carriers)
                 self.decide(decision, orders)
             elif reason == c.ASKS_WAYS:

@@ -32,6 +32,9 @@ class AskedPolicy:
         self.memory = self.policy.Memory()
         self.is_early = is_early(self.policy)
         self.is_built_in = type(self.policy) in POLICIES.values()
+        # Built-in early policies order nothing unless a carrier can leave for a bin that is due.
+        # Up to then the machine remembers for them when bins are full.
+        self.decides_when_due = self.is_built_in and self.is_early
         self._name = layout.scenario.dispatch
 
     def __getstate__(self) -> dict[str, Any]:
@@ -95,6 +98,7 @@ class PolicyQuestions:
                 self._carriers.append(number)
         self._desk = _columns(model.desk, ["now", "state"])
         self._calls = _columns(model.calls, [*OF_BINS, "carrier"])
+        self._full = _columns(model.bins, ["full"])["full"]
         self._robots = _columns(model.robots, OF_CARRIERS)
         # Of each lane's end: lane, side, m and s from the queue's head.
         self._ends = []
@@ -113,6 +117,15 @@ class PolicyQuestions:
             pickers={report.name: picker for picker, report in bins},
             numbers={report.name: carrier for carrier, report in carriers},
         )
+
+    def full(self) -> dict[str, int]:
+        """Return the tick at which each bin that waits will be full, or was, if that is known."""
+        rows = zip(self._calls["is_asked"].tolist(), self._calls["bin"].tolist(), strict=True)
+        ticks = {}
+        for is_asked, number in rows:
+            if is_asked and self._full[number] != c.NONE:
+                ticks[self._bin_names[number]] = int(self._full[number])
+        return ticks
 
     def note(self, decision: PolicyQuestion, orders: Sequence[Assignment]) -> None:
         """Note the orders of a decision. The machine carries them out when it goes on."""

@@ -284,9 +284,11 @@ class CallsOfBins:
             return
         policy = dispatch_of(self._moment.world.layout)
         memory = unpack(self._dispatcher.policy, policy.Memory)
-        if self._harvest.asked_policy is not None:
-            self._harvest.asked_policy.memory = memory
-            return
+        asked = self._harvest.asked_policy
+        if asked is not None:
+            asked.memory = memory
+            if not asked.decides_when_due:
+                return
         for name, tick in getattr(memory, "full", {}).items():
             self._model.bins[self._bins[name]].full = tick
 

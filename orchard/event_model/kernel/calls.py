@@ -75,7 +75,8 @@ def is_early(m):
     """Whether bins report before they are full."""
     policy = m.desk[0].policy
     is_predictive = policy == c.PREDICTIVE or policy == c.PREDICTIVE_FARTHEST
-    return is_predictive or policy == c.IN_PYTHON_EARLY
+    is_python_early = policy == c.IN_PYTHON_EARLY or policy == c.IN_PYTHON_WHEN_DUE
+    return is_predictive or is_python_early
 
 
 @inner
@@ -383,7 +384,9 @@ def dispatch(m):
             if me.is_ready:
                 # What it answers now counts at the decision.
                 me.answer = millimetres_to_head(m, carrier)
-            if is_in_python(m):
+            # Where a picker is takes long to add up, and nobody asks it.
+            is_asked = me.queue_line != c.NONE
+            if is_asked and is_in_python(m):
                 note_answer_in_full(m, carrier)
         desk.state = c.ABOUT_TO_DECIDE
         m.timers[c.DISPATCH, 0] = c.QUARTERS * (desk.asked + 2)
@@ -447,12 +450,28 @@ def asks_python(m):
     if not is_in_python(m) or m.desk[0].state != c.ABOUT_TO_DECIDE:
         return False
     tick = tick_of(m)
+    if m.desk[0].policy == c.IN_PYTHON_WHEN_DUE and not can_order(m, tick):
+        return False
     for picker in range(len(m.robots)):
         call = m.calls[picker]
         call.is_asked = is_known_to_policy(m, picker, tick)
         if call.is_asked:
             call.seconds = seconds_to_full(m, picker, tick)
     return True
+
+
+@inner
+def can_order(m, tick):
+    """Whether a carrier can leave for a bin that is due. If so, note when bins are full."""
+    if nearest_carrier(m) == c.NONE:
+        return False
+    is_any_due = False
+    for picker in range(len(m.robots)):
+        if is_known_to_policy(m, picker, tick):
+            remember(m, picker, tick)
+            if is_due(m, picker, tick):
+                is_any_due = True
+    return is_any_due
 
 
 @inner

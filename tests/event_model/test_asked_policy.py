@@ -1,0 +1,58 @@
+"""A built-in policy in Python is asked only when it can send a carrier, and decides the same."""
+
+import pytest
+from quiet import NOBODY
+
+from orchard.event_model import columns as c
+from orchard.event_model.harvest import EventHarvest
+from orchard.field.layout import lay_out
+from orchard.field.scenario import Scenario
+
+CREWS = [
+    {"rows": 4, "pickers": 2, "carriers": 2, "picking_speed": 0.5},
+    {"rows": 5, "pickers": 5, "carriers": 2, "picking_speed": 0.3, "bins_per_row": 2.0},
+    # Calls of bins that fill for long, and fail meanwhile.
+    {
+        **{"rows": 3, "pickers": 3, "carriers": 1, "picking_speed": 0.05, "seed": 3},
+        "picking": {
+            "spread": {"distribution": "gamma", "cv": 0.3},
+            "failure": {"mean_between": 120.0, "mean_repair": 60.0},
+        },
+    },
+]
+
+
+class CountedHarvest(EventHarvest):
+    """A harvest that counts how often its policy is asked."""
+
+    questions = 0
+
+    @property
+    def decision(self):
+        self.questions += 1
+        return super().decision
+
+
+def harvest_of(crew: dict) -> CountedHarvest:
+    return CountedHarvest(lay_out(Scenario(**NOBODY | {"row_length": 24.0} | crew)))
+
+
+@pytest.mark.parametrize("crew", CREWS)
+def test_a_policy_is_asked_when_it_can_send_a_carrier(crew) -> None:
+    """There is one order for each bin; a question may send none, as for a bin that calls again."""
+    harvest = harvest_of(crew).run()
+    assert harvest.is_over
+    assert harvest.questions <= 2 * harvest.bins
+
+
+@pytest.mark.parametrize("crew", CREWS)
+def test_a_policy_that_is_asked_each_time_decides_the_same(crew) -> None:
+    harvest = harvest_of(crew).run()
+    each_time = harvest_of(crew)
+    each_time.model.desk.policy = c.IN_PYTHON_EARLY
+    assert each_time.asked_policy is not None
+    each_time.asked_policy.decides_when_due = False
+    each_time.run()
+    assert each_time.questions > harvest.questions
+    assert each_time.deliveries == harvest.deliveries
+    assert each_time.seconds == harvest.seconds

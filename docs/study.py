@@ -132,8 +132,9 @@ of 20). The answer says how many were, and what smaller fleets would need. If al
 at least 86 % of all such harvests are, with 95 % confidence.
 
 Fleets are tried in the order of what they cost at least, which is known from their limit without
-traffic. A fleet of which the limit misses the deadline needs no run. If you name no numbers of
-pickers, those are left out with which the picker with the most rows has as many as with fewer
+traffic. A fleet of which the limit misses the deadline needs no run. Where rows or pickers differ,
+each seed has a limit of its own: that of the picker whose rows take longest. If you name no numbers
+of pickers, those are left out with which the picker with the most rows has as many as with fewer
 pickers. If no fleet can be in time, the command says which limit forbids it, and what would do.
 
 The time of a harvest is working time. With a `shift` it stops at a day's end and in breaks, and

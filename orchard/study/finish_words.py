@@ -8,7 +8,7 @@ from orchard.report.days import WorkDays
 from orchard.study.deadline import Deadline, Trial, hours_words
 from orchard.study.fleets import Fleet
 from orchard.study.result import Interval, Row, StudyResult
-from orchard.study.words import counted, interval_words, number_words
+from orchard.study.words import counted, interval_words
 
 # What would make the limit of each part shorter.
 REMEDIES = {
@@ -121,7 +121,7 @@ def _none_in_time(result: StudyResult, trial: Trial) -> str:
     seconds = fastest.harvest_seconds
     assert seconds is not None
     return (
-        f"No fleet finishes {wanted} {result.deadline}: the fastest of {number_words(len(known))}"
+        f"No fleet finishes {wanted} {result.deadline}: the fastest of {len(known)}"
         f" is {_row_words(fastest)} with {_time_words(seconds)}, {fastest.in_time} of"
         f" {fastest.replications} in time"
     )

@@ -1,10 +1,12 @@
 """The cheapest fleet that finishes in time, and how sure that is.
 
-Fleets are tried in the order of what they cost at least: `orchard.study.fleets`. A fleet is in time
-if at least so many of its harvests are as the confidence asks: 19 of 20 for 95 %. It is out as soon
-as more are late than that allows. A fleet that is in time in the first few harvests is the answer
-so far. The search ends when all others cost more at least, or as good as that. Then the answer is
-run as often as the confidence asks; if it fails, the search goes on.
+A fleet is in time if at least so many of its harvests are as the confidence asks: 19 of 20 for
+95 %. It is out as soon as more are late than that allows, by their runs or by their limits.
+
+The search chooses the cheapest fleet that is in time in a few harvests. Then it tries this fleet as
+often as the confidence asks; if it fails, another one is chosen. Fleets are run in the order of
+what the few harvests cost at least, by `orchard.study.fleets`. When one costs as much at least as
+the best so far, or as good as that, all later ones are too dear. All fleets have the same seeds.
 """
 
 import time
@@ -161,34 +163,62 @@ class _Search:
 
     def _search(self) -> bool:
         """Find the answer. Return whether the budget sufficed."""
-        while True:
-            for fleet in self.fleets.fleets:
-                if self._is_too_dear(fleet):
-                    break
-                if not self._may_be(fleet):
-                    continue
-                tried = self._tried(fleet)
-                if not self._try(tried, FIRST):
-                    return False
-                if not tried.is_out:
-                    self.answer = self._cheaper(tried)
-            if self.answer is None:
-                return True
-            if not self._try(self.answer, self.trial.replications):
-                return False
+        candidates = self._candidates()
+        has_time = self._choose(candidates)
+        while has_time and self.answer is not None:
+            has_time = self._try(self.answer, self.trial.replications)
             if not self.answer.is_out:
-                return True
-            # It was in time at first only. All that was dearer is asked again.
+                break
+            # It was in time at first only.
             self.answer = None
+            has_time = self._choose(candidates)
+        return has_time
+
+    def _candidates(self) -> list[Fleet]:
+        """Return the fleets that may be in time by their limits, cheapest first.
+
+        If there are none, the one of which the limit is the shortest shows by how much it is late.
+        """
+        count = self.trial.replications
+        candidates = []
+        for fleet in self.fleets.fleets:
+            if self.fleets.least_late(fleet, count) <= self.trial.late:
+                candidates.append(fleet)
+        if not candidates:
+            return [self.fleets.fastest()]
+        return sorted(candidates, key=self._least_cost)
+
+    def _least_cost(self, fleet: Fleet) -> float:
+        """Return what the first harvests of a fleet cost at least."""
+        return self.fleets.least_mean_cost(fleet, FIRST)
+
+    def _choose(self, candidates: Sequence[Fleet]) -> bool:
+        """Let the cheapest fleet in the first harvests answer. Return whether the budget sufficed.
+
+        No fleet answers if none is in time in them.
+        """
+        for fleet in candidates:
+            if self._is_too_dear(fleet):
+                break
+            if not self._may_be(fleet):
+                continue
+            tried = self._tried(fleet)
+            if not self._try(tried, FIRST):
+                return False
+            if not tried.is_out:
+                self.answer = self._cheaper(tried)
+        return True
 
     def _is_too_dear(self, fleet: Fleet) -> bool:
-        """Whether a fleet costs as much as the answer at least, or as good as that."""
+        """Whether the first harvests of a fleet cost as much as those of the answer at least, or as
+        good as that.
+        """
         if self.answer is None:
             return False
-        cost = self._cost(self.answer)
+        cost = self._cost(self.answer, FIRST)
         if self.scenario.prices.are_set:
             cost *= 1.0 - self.options.within
-        return fleet.least_cost >= cost
+        return self._least_cost(fleet) >= cost
 
     def _may_be(self, fleet: Fleet) -> bool:
         """Whether a fleet may be in time: one with more carriers was not late in all harvests."""
@@ -278,12 +308,15 @@ class _Search:
         allowed = self.trial.late if tried.fleet.setting.is_random else 0
         return is_jammed or self._late(tried) > allowed
 
-    def _cost(self, tried: _Tried) -> float:
-        """Return what a harvest of a fleet costs, by the mean; without prices its robots."""
+    def _cost(self, tried: _Tried, first: int | None = None) -> float:
+        """Return what a harvest of a fleet costs, by the mean; without prices its robots.
+
+        `first`: of how many harvests; None: of all.
+        """
         if not self.scenario.prices.are_set:
             return tried.fleet.pickers + tried.fleet.carriers
         costs = []
-        for record in self._records(tried):
+        for record in self._records(tried)[:first]:
             setting = tried.fleet.setting
             cost = setting.cost_per_bin(record.bins_per_hour, record.counted_bins) or 0.0
             costs.append(cost * record.bins)
@@ -291,7 +324,7 @@ class _Search:
 
     def _cheaper(self, tried: _Tried) -> _Tried:
         """Return the cheaper one of the answer and a fleet that is in time."""
-        if self.answer is None or self._cost(tried) < self._cost(self.answer):
+        if self.answer is None or self._cost(tried, FIRST) < self._cost(self.answer, FIRST):
             return tried
         return self.answer
 

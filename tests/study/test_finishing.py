@@ -126,6 +126,38 @@ def test_a_limit_is_not_longer_than_the_harvest() -> None:
         assert cost is not None and fleet.least_cost <= cost * record.bins + 1e-9
 
 
+@pytest.mark.parametrize("number", range(5))
+def test_a_limit_of_a_seed_is_not_longer_than_its_harvest(number) -> None:
+    """It is a limit of the rows of its own seed."""
+    fleets = Fleets(CHANCE, within(100.0), [2, 3, 6], [1, 2])
+    for fleet in fleets.fleets:
+        crew = fleets.crew(fleet.pickers)
+        seed = CHANCE.seed + number
+        record = PlannedRun.of(fleet.setting.scenario, seed, "fast", "harvest").do(1e12)
+        assert record is not None
+        assert crew.limit_of_seed(fleet.carriers, seed) <= record.sim_seconds
+
+
+def test_a_fleet_of_which_the_slow_rows_are_late_needs_no_run(tmp_path) -> None:
+    """Two rows each: in rows that are alike three pickers would be in time, and are not in most."""
+    deadline = within(0.55)
+    fleets = Fleets(CHANCE, deadline, [3], [2])
+    (three,) = fleets.fleets
+    late = fleets.least_late(three, 20)
+    assert fleets.is_possible(three) and late > 1
+    found = finish_study(CHANCE, BOTH, deadline, replace(OPTIONS, store=tmp_path / "s.db"))
+    assert {row.setting["pickers"] for row in found.table} == {6}
+
+
+def test_where_slow_rows_forbid_it_the_fastest_fleet_tells(tmp_path) -> None:
+    """Rows that are alike would be in time. One fleet shows by how much these are late."""
+    options = replace(OPTIONS, store=tmp_path / "s.db")
+    found = finish_study(CHANCE, BOTH, within(0.28), options)
+    assert found.best is None
+    assert found.answer.startswith("No fleet finishes 19 of 20 harvests within 0.28 h of work: the")
+    assert "the fastest of 1 is 6 pickers and" in found.answer
+
+
 MISTAKES: list[tuple[dict[str, list[Any]], Deadline, dict[str, Any], str]] = [
     (BOTH, Deadline(days=2), {}, "--finish-by 2d: shift: days need a shift"),
     (

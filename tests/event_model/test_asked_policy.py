@@ -40,14 +40,16 @@ def harvest_of(crew: dict) -> CountedHarvest:
 @pytest.mark.parametrize("crew", CREWS)
 def test_a_policy_is_asked_when_it_can_send_a_carrier(crew) -> None:
     """There is one order for each bin; a question may send none, as for a bin that calls again."""
-    harvest = harvest_of(crew).run()
+    harvest = harvest_of(crew)
+    harvest.run()
     assert harvest.is_over
     assert harvest.questions <= 2 * harvest.bins
 
 
 @pytest.mark.parametrize("crew", CREWS)
 def test_a_policy_that_is_asked_each_time_decides_the_same(crew) -> None:
-    harvest = harvest_of(crew).run()
+    harvest = harvest_of(crew)
+    harvest.run()
     each_time = harvest_of(crew)
     each_time.model.desk.policy = c.IN_PYTHON_EARLY
     assert each_time.asked_policy is not None

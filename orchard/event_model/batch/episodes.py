@@ -231,11 +231,13 @@ def steps_done(m):
 
 @inner
 def drives(m):
-    """Whether a robot is on its way, charges, or is at the load-out."""
+    """Whether a robot is on its way, charges, is at the load-out, or waits in the bay."""
     now = m.desk[0].now
     for robot in range(len(m.robots)):
         me = m.robots[robot]
-        if me.is_charging or me.state == c.DRIVING or c.QUARTERS * me.back >= now:
+        if me.is_charging or me.state in (c.DRIVING, c.LASTING):
+            return True
+        if c.QUARTERS * me.back >= now:
             return True
     for trailer in range(len(m.trailers)):
         if c.QUARTERS * m.trailers[trailer].back >= now:

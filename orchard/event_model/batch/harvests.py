@@ -90,7 +90,7 @@ class HarvestBatch:
         state = _as_bytes(initial)
         # m/s at which each row is picked.
         self._speeds = np.tile([lane.picking_speed for lane in layout.lanes], (count, 1))
-        bystanders = Bystanders(layout)
+        bystanders = Bystanders.of(layout)
         self.arrays = {
             "initial": state,
             "states": np.tile(state, (count, 1)),

@@ -77,15 +77,17 @@ class Page:
         self.draft = copy(desk.draft)
         # As it was when the page was drawn last.
         self._drawn: Entered | None = None
-        # What the plan and the figures show, or will show.
+        # What the plan shows or will show, and what the figures do.
         self._planned: Entered | None = None
+        self._derived: Entered | None = None
         # The run on the stage, and whether it was over.
         self._staged: tuple[HarvestCommand, bool] | None = None
         self._build()
         self.form.show()
         self._show_undo()
         ui.timer(REDRAW_SECONDS, self._redraw)
-        ui.timer(REDRAW_SECONDS, self._draw)
+        ui.timer(REDRAW_SECONDS, self._draw_plan)
+        ui.timer(REDRAW_SECONDS, self._draw_figures)
         ui.timer(WATCH_SECONDS, self._watch)
 
     # -- layout
@@ -111,12 +113,13 @@ class Page:
                     self.figures = FiguresView()
 
     def _build_files(self) -> None:
+        # Its words change. Here no other button moves with them, from under a click.
+        self._undo_button = button("Undo", self._undo, "undo", "undo")
         for file, scenario in shipped().items():
             name = "default" if file == DEFAULT else file
             words = name.replace("_", " ").capitalize()
             preset = ui.button(words, on_click=partial(self._take, scenario, words))
             preset.props(f"flat no-caps data-preset={name}")
-        self._undo_button = button("Undo", self._undo, "undo", "undo")
         ui.element("div").classes("divider")
         self._upload = ui.upload(
             on_upload=while_alive(self._open),
@@ -315,10 +318,10 @@ class Page:
         if entered.scenario is None:
             self.stage.plan.fade()
 
-    async def _draw(self) -> None:
-        """Show the plan and the figures of what is entered, unless it is changed by then.
+    async def _draw_plan(self) -> None:
+        """Show the plan of what is entered, unless it is changed by then.
 
-        They take seconds for a hundred rows. What is wrong in the form does not wait for them.
+        It takes seconds for a hundred rows. What is wrong in the form does not wait for it.
         """
         entered = self._drawn
         if entered is None or entered is self._planned or entered.scenario is None:
@@ -326,10 +329,19 @@ class Page:
         self._planned = entered
         layout = await run.io_bound(lay_out, entered.scenario)
         # The server gives None while it shuts down.
-        if layout is None or entered is not self._drawn:
+        if layout is not None and entered is self._drawn:
+            self.stage.plan.show(layout)
+
+    async def _draw_figures(self) -> None:
+        """Show the figures of what is entered, unless it is changed by then.
+
+        They take longer than the plan, which does not wait for them.
+        """
+        entered = self._drawn
+        if entered is None or entered is self._derived or entered.scenario is None:
             return
-        self.stage.plan.show(layout)
-        derived = await run.io_bound(derive, layout)
+        self._derived = entered
+        derived = await run.io_bound(derive, entered.scenario)
         if derived is not None and entered is self._drawn:
             self.figures.show(*derived)
 

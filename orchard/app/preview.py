@@ -4,7 +4,8 @@ from nicegui import ui
 
 from orchard.app.elements import heading, tiles
 from orchard.field.kinds import KINDS
-from orchard.field.layout import X_WEST, Layout
+from orchard.field.layout import X_WEST, Layout, lay_out
+from orchard.field.scenario import Scenario
 from orchard.report.bounds import Bounds, schedule_seconds
 from orchard.report.limits import limit_of_question
 from orchard.report.plan import COLOURS, orchard_plan
@@ -63,10 +64,10 @@ def _tree_figure(layout: Layout) -> Figure:
     return "Trees", str(sum(trees)), f"{len(trees)} lines of {in_each_line}"
 
 
-def derive(layout: Layout) -> tuple[list[Figure], dict[str, float]]:
+def derive(scenario: Scenario) -> tuple[list[Figure], dict[str, float]]:
     """Return the derived figures of an orchard, and what each part of it allows, bins/s."""
-    limit = limit_of_question(layout.scenario)
-    return figures(layout, limit), limit.terms
+    limit = limit_of_question(scenario)
+    return figures(lay_out(scenario), limit), limit.terms
 
 
 class PlanView:

@@ -39,6 +39,7 @@ GROUPS = {
         "prices.picker_per_bin",
         "prices.picker_least_per_day",
         "prices.carrier_per_day",
+        "prices.overhead_per_day",
     ),
 }
 # Groups that are folded away.

@@ -19,7 +19,9 @@ from orchard.gym.episodes import Episode, plain, refuse_what_is_no_episode
 from orchard.gym.rewards import named
 from orchard.gym.spaces import Arrays
 
-MOST_SEED = 2**63 - 1
+# Seeds are whole numbers from 0 on, below this.
+SEEDS = 2**63
+MOST_SEED = SEEDS - 1
 RESET_MASK = "reset_mask"
 
 # Observations, rewards, terminated, truncated, infos.
@@ -32,8 +34,10 @@ class DispatchVecEnv(VectorEnv[Arrays, np.ndarray, np.ndarray]):
 
     Observations, actions and rewards are those of `DispatchEnv`, with a first dimension more.
     `infos["action_mask"]` says which actions can be, (orchards, actions) int8. Where a harvest has
-    ended, `infos["seconds"]` is its length; `infos["_seconds"]` says where. No policy of Python is
-    asked, so there is no `scripted`.
+    ended, `infos["seconds"]` is its length, and `infos["_seconds"]` says where; in the mode
+    "SameStep" both are in `infos["final_info"]`. No policy of Python is asked, so there is no
+    `scripted`. Whether a policy of one's own hears of bins before they are full is asked once, with
+    the scenario's seed.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as Gymnasium has it
@@ -79,7 +83,8 @@ class DispatchVecEnv(VectorEnv[Arrays, np.ndarray, np.ndarray]):
             carrier_order=self.dispatching.carriers,
         )
         # Without a seed each orchard has another one.
-        self._episodes = [Episode(scenario.seed + number, -1) for number in range(num_envs)]
+        seeds = [(scenario.seed + number) % SEEDS for number in range(num_envs)]
+        self._episodes = [Episode(seed, -1) for seed in seeds]
         self._has_begun = np.zeros(num_envs, np.bool_)
         self._has_ended = np.zeros(num_envs, np.bool_)
 
@@ -165,6 +170,9 @@ class DispatchVecEnv(VectorEnv[Arrays, np.ndarray, np.ndarray]):
         if isinstance(seed, (list, tuple, np.ndarray)):
             seeds = [plain(own) for own in seed]
         elif isinstance(seed, (int, np.integer)):
+            most = MOST_SEED - self.num_envs + 1
+            if not 0 <= seed <= most:
+                raise ValueError(f"seed {seed}: must be a whole number from 0 to {most}")
             seeds = [int(seed) + number for number in range(self.num_envs)]
         for own in seeds:
             is_seed = own is None or (isinstance(own, int) and 0 <= own <= MOST_SEED)
@@ -240,7 +248,9 @@ class DispatchVecEnv(VectorEnv[Arrays, np.ndarray, np.ndarray]):
         else:
             for number in np.flatnonzero(~begins):
                 seconds, waited, delivered = happened[number].tolist()
-                rewards[number] = self._reward(Transition(seconds, waited, int(delivered)))
+                # What is no number must not become NaN in silence.
+                reward = self._reward(Transition(seconds, waited, int(delivered)))
+                rewards[number] = float(reward)
         rewards[begins] = 0.0
         return rewards
 

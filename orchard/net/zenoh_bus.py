@@ -61,8 +61,9 @@ _ALONE: dict[str, Any] = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
 }
-# Part of a value of ZENOH_RUNTIME with which nothing can be received.
-NO_THREADS = re.compile(r"worker_threads\s*:\s*0+\s*[,)]")
+# Part of a value of ZENOH_RUNTIME, in RON, with which nothing can be received; and its comments.
+NO_THREADS = re.compile(r"(worker_threads|max_blocking_threads)\s*:\s*0[xob]?[0_]*\s*[,)]")
+COMMENTS = re.compile(r"/\*.*?\*/|//[^\n]*", re.DOTALL)
 # A session does not receive its own samples.
 _OTHERS = zenoh.Locality.REMOTE
 _OPEN = (
@@ -278,8 +279,9 @@ def check_runtime() -> None:
     if chosen == ONE_THREAD:
         return
     # Zenoh starts these threads when something connects, and ends the process then.
-    if NO_THREADS.search(chosen):
-        raise BusError(f"{RUNTIME}={printable(chosen)}: worker_threads must be 1 or more")
+    no_threads = NO_THREADS.search(COMMENTS.sub(" ", chosen))
+    if no_threads:
+        raise BusError(f"{RUNTIME}={printable(chosen)}: {no_threads[1]} must be 1 or more")
     _begin_with(chosen)
 
 

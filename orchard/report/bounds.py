@@ -127,6 +127,23 @@ def _terms_of_load_out(layout: Layout) -> dict[str, float]:
     return terms
 
 
+def load_out_seconds(layout: Layout, bins: float) -> dict[str, float]:
+    """Return how long trailers, or the truck, let a harvest of so many bins take at least, s.
+
+    Bins for which the bay has empty ones at first need neither: a short harvest may be faster than
+    the long run.
+    """
+    load_out = layout.scenario.load_out
+    beyond = max(0.0, bins - (load_out.empty_bins or 0))
+    seconds = {}
+    for name, rate in _terms_of_load_out(layout).items():
+        seconds[name] = beyond / rate
+        if load_out.truck.bins is not None:
+            comes = ceil(beyond / load_out.truck.bins)
+            seconds[name] = comes * layout.machines["carrier"].truck_ticks * TIME_STEP
+    return seconds
+
+
 def _mean_of_near(work: Iterable[float]) -> float:
     """Return the least mean time for a bin, s, if some pickers fill only `LEAST_SHARE` of what
     others do.

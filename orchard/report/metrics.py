@@ -18,7 +18,7 @@ from orchard.field.scenario import TIME_STEP
 from orchard.report.bounds import Bounds, schedule_seconds
 from orchard.report.days import work_days
 from orchard.report.limits import delivered_full_bins
-from orchard.sim import hauls, physics
+from orchard.sim import physics
 from orchard.sim.state_times import StateTimes
 from orchard.sim.world import World
 
@@ -86,7 +86,7 @@ class HarvestFigures:
         """
         self.orders_refused += orders_refused(answers)
         has_progress = world.has_picked or world.is_any_stopped or world.is_any_plugged
-        has_progress |= hauls.is_any_under_way(world)
+        has_progress |= physics.is_anything_coming(world)
         for name, action in answers.items():
             done = 0 if action is None else action.steps_done
             # Only haulers count steps. All others have done none.

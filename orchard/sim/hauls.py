@@ -7,7 +7,6 @@ line of the queue, from the tick on at which it has turned into it. It drives up
 import numpy as np
 
 from orchard.field.geometry import EAST
-from orchard.sim import stock
 from orchard.sim.world import World
 
 # m before the queue from which on a carrier is in its line.
@@ -39,13 +38,10 @@ def are_away(world: World) -> np.ndarray:
 
 
 def is_any_under_way(world: World) -> bool:
-    """Whether a carrier is away at the load-out, or a trailer is: it comes back by itself. So does
-    the truck for which a bay without empty bins waits.
+    """Whether a carrier is away at the load-out, or a trailer is: it comes back by itself.
 
     A carrier that has unloaded, and stands before its line, may stand for ever.
     """
-    if world.layout.machines["carrier"].truck_ticks:
-        return not stock.is_any_there(world)
     if world.layout.machines["carrier"].trailer_ticks:
         return world.is_any_hauling
     return world.is_any_hauling and bool(are_away(world).any())

@@ -188,6 +188,15 @@ def keeps_a_bin_waiting(world: World) -> bool:
     return any(_rests_in_bay(world, bin_) for bin_ in world.full.nonzero()[0].tolist())
 
 
+def is_anything_coming(world: World) -> bool:
+    """Whether a carrier or a trailer is away and comes back, or the truck comes for a bay that
+    keeps a bin waiting.
+    """
+    if world.layout.machines["carrier"].truck_ticks:
+        return keeps_a_bin_waiting(world)
+    return hauls.is_any_under_way(world)
+
+
 def harvest_is_over(world: World) -> bool:
     """Whether all rows are picked, all bins are unloaded, and all robots stand at their ends.
 

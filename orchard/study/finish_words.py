@@ -16,6 +16,8 @@ REMEDIES = {
     "carriers": "more carriers, or faster ones",
     "unloading": "a shorter time at the bay (handling.unloading)",
     "chargers": "more chargers",
+    "trailers": "more trailers, or a shorter way to the load-out",
+    "truck": "a truck that comes more often, or takes more bins",
 }
 
 

@@ -24,7 +24,7 @@ from orchard.field.problems import ScenarioError
 from orchard.field.rows import Block
 from orchard.field.scenario import ROW_RULES, Scenario, with_changes
 from orchard.plans.jobs import handover_seconds
-from orchard.report.bounds import Bounds
+from orchard.report.bounds import Bounds, load_out_seconds
 from orchard.report.limits import full_bins, in_mean_rows, limit_of_question, with_seed
 from orchard.study.deadline import Deadline
 from orchard.study.settings import CARRIERS, FEWER, MORE, Setting, most_carriers, settings_of
@@ -79,6 +79,7 @@ class Crew:
         """How long the harvest takes at least for each part, s: with one carrier."""
         fruit = full_bins(self._layout)
         seconds = {name: fruit / rate for name, rate in self._bounds.terms.items()}
+        seconds |= load_out_seconds(self._layout, fruit)
         for name, block in self._layout.blocks.items():
             times = self._bounds.of_pickers[name]
             metres = sum(self._layout.lane(row).length for row in block.rows)

@@ -14,6 +14,7 @@ from quiet import NOBODY, laid_out
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.event_model.begun.begin import begin_at
 from orchard.event_model.begun.moment import RunMoment
+from orchard.event_model.harvest import EventHarvest
 from orchard.field.layout import Layout, lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, parse
@@ -180,6 +181,33 @@ def test_a_bay_that_waits_long_for_its_truck_is_no_jam() -> None:
     run, ticks, _ = harvested(layout)
     assert [tick // 8000 for tick in ticks] == [0, 1, 2]
     assert modelled(layout)[-1] == pytest.approx(run.engine.world.seconds, abs=1.0)
+
+
+def test_a_carrier_that_gets_flat_in_the_bay_is_unloaded() -> None:
+    """The truck comes for its bin in both models. After that nothing comes, and the run is told to
+    stand still.
+    """
+    battery = {"hours": 0.2, "hours_to_charge": 0.1, "reserve": 0.3, "standing": 0.5}
+    layout = with_load_out(
+        {"truck": {"every": 3000.0, "bins": 1}, "empty_bins": 1},
+        rows=4,
+        row_length=30.0,
+        carriers=2,
+        picking_speed=0.8,
+        carrying={"battery": battery},
+    )
+    run = Local(layout.scenario, is_hashed=False)
+    ticks = []
+    while not run.ended:
+        ticks += [event.tick for event in run.tick() if event.what == "unloaded"]
+    assert run.ended == "jammed"
+    assert "carrier_02 (standing with a flat battery)" in run.jam
+    assert ticks[-1] > 30_000, "with the first truck"
+    assert run.engine.tick < ticks[-1] + 6_100, "and not until the next truck"
+    harvest = EventHarvest(layout)
+    harvest.run()
+    assert not harvest.is_over
+    assert [10.0 * seconds for seconds in harvest.deliveries] == pytest.approx(ticks, abs=1.0)
 
 
 def test_fewer_empty_bins_let_fewer_trailers_be_away() -> None:

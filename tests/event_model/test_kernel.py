@@ -9,6 +9,7 @@ import pytest
 from quiet import NOBODY
 
 from orchard.event_model import start
+from orchard.event_model.batch import compiled as batch_compiled
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel import compiled, machine
 from orchard.event_model.results import JAM
@@ -124,6 +125,24 @@ def test_each_compiled_constant_counts_for_the_kept_code() -> None:
             name = node.module or "" if isinstance(node, ast.ImportFrom) else ""
             is_kernel = name.startswith("orchard.event_model.kernel")
             if name.startswith(PACKAGES_OF_CONSTANTS) and not is_kernel:
+                assert name in counted, f"{path.name} takes constants of {name}"
+
+
+def test_each_constant_of_a_batch_counts_for_its_kept_code() -> None:
+    """Also those of the functions that a batch takes from elsewhere."""
+    counted = {module.__name__: module for module in batch_compiled.CONSTANTS_OF}
+    sources = [*Path(str(batch_compiled.__file__)).parent.glob("*.py")]
+    sources.remove(Path(str(batch_compiled.__file__)))
+    compiled_files = [path for path in sources if "@inner" in path.read_text()]
+    assert compiled_files
+    compiled_files.append(Path(str(counted["orchard.event_model.bystanders"].__file__)))
+    for path in compiled_files:
+        for node in ast.walk(ast.parse(path.read_text())):
+            name = node.module or "" if isinstance(node, ast.ImportFrom) else ""
+            is_of_batch = name.startswith("orchard.event_model.batch")
+            # A signature is in the name of the kept file.
+            is_signature = name == "orchard.event_model.kernel.entry"
+            if name.startswith(PACKAGES_OF_CONSTANTS) and not (is_of_batch or is_signature):
                 assert name in counted, f"{path.name} takes constants of {name}"
 
 

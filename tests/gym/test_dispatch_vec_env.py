@@ -162,6 +162,21 @@ def test_rewards_are_those_of_single_environments(reward):
     assert_goes_on_alike(env, singles, infos, 12)
 
 
+def test_a_reward_that_is_no_number_is_an_error():
+    env = dispatch_vec_env(SMALL, 2, reward=lambda happened: None)
+    env.reset(seed=1)
+    with pytest.raises(TypeError, match="float"):
+        env.step(np.zeros(2, np.int64))
+
+
+def test_the_highest_seeds_are_seeds():
+    env = dispatch_vec_env(with_changes(SMALL, seed=2**63 - 1), 2)
+    env.reset()
+    with pytest.raises(ValueError, match=f"seed {2**63 - 1}: must be a whole number from 0 to"):
+        env.reset(seed=2**63 - 1)
+    env.reset(seed=2**63 - 2)
+
+
 def test_who_never_sends_a_carrier_is_truncated():
     env = dispatch_vec_env(SMALL, 2)
     singles = SyncVectorEnv([lambda: dispatch_env(SMALL)] * 2)

@@ -9,9 +9,9 @@ from stage import empty_orchard
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import with_changes
 from orchard.study.deadline import Deadline, Trial, hours_words
-from orchard.study.finish_words import least_share
+from orchard.study.finish_words import REMEDIES, least_share
 from orchard.study.finishing import finish_problems, finish_study
-from orchard.study.fleets import Fleets
+from orchard.study.fleets import Crew, Fleets
 from orchard.study.options import StudyOptions
 from orchard.study.report import command
 from orchard.study.runs import PlannedRun
@@ -46,6 +46,39 @@ def test_how_many_harvests_are_in_time_at_least() -> None:
     """Of n harvests that all were in time: the share of which n in time have a chance of 5 %."""
     assert least_share(20, 20, 0.95) == pytest.approx(0.05 ** (1 / 20))
     assert least_share(0, 20, 0.95) == 0.0
+
+
+AWAY = {"seconds_away": 600.0, "trailers": {"count": 2, "bins": 2}}
+TRUCK = {"truck": {"every": 600.0, "bins": 2}, "empty_bins": 2}
+BATTERY = {"battery": {"hours": 2.0}}
+
+
+def test_each_part_of_a_limit_has_a_remedy() -> None:
+    parts: set[str] = set()
+    for values in ({"carrying": BATTERY}, {"load_out": AWAY}, {"load_out": TRUCK}):
+        parts |= Crew(with_changes(SMALL, **values), 2).parts.keys()
+    assert {"chargers", "trailers", "truck"} <= parts
+    assert parts == REMEDIES.keys()
+
+
+@pytest.mark.parametrize(("empty_bins", "seconds"), [(2, 1200.0), (4, 600.0), (6, 0.0)])
+def test_a_truck_is_waited_for_once_empty_bins_are_out(empty_bins: int, seconds: float) -> None:
+    """Six bins are filled, and a truck takes two."""
+    scenario = with_changes(SMALL, load_out=TRUCK | {"empty_bins": empty_bins})
+    assert Crew(scenario, 2).parts["truck"] == seconds
+
+
+def test_trailers_hold_up_only_the_bins_beyond_the_empty_ones() -> None:
+    stocked = Crew(with_changes(SMALL, load_out=AWAY | {"empty_bins": 6}), 2)
+    assert stocked.parts["trailers"] == 0.0
+    # Four bins in 600 s away and 10 s in which two are put on it.
+    assert Crew(with_changes(SMALL, load_out=AWAY), 2).parts["trailers"] == 6 * 610.0 / 4
+
+
+def test_a_deadline_before_the_truck_comes_is_refused_in_words() -> None:
+    scenario = with_changes(SMALL, load_out=TRUCK)
+    with pytest.raises(ScenarioError, match="because the truck would allow no more"):
+        finish_study(scenario, BOTH, within(0.3), OPTIONS)
 
 
 def test_the_answer_is_the_cheapest_fleet_in_time(tmp_path) -> None:

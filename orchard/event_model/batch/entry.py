@@ -1,7 +1,8 @@
-"""The door to a batch: what Python calls. The first call compiles it, in some seconds, and the
-machine if that is not compiled.
+"""The door to a batch: what Python calls. The first call compiles it, and the machine if that is
+not compiled; each is logged.
 """
 
+import logging
 from collections.abc import Mapping
 from functools import cache
 from typing import Any
@@ -11,6 +12,11 @@ import numpy as np
 from orchard.event_model.batch import episodes
 from orchard.event_model.kernel import entry
 from orchard.sim.kernels.addresses import address_of
+from orchard.sim.kernels.jit import is_kept
+
+COMPILING = "compiling many harvests for this machine; this is done once and takes about 20 s"
+
+log = logging.getLogger("orchard")
 
 
 def addresses(arrays: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -26,6 +32,8 @@ def step(batch: np.ndarray, first: int) -> int:
 
 @cache
 def _ready() -> Any:
+    if not is_kept(episodes.step, episodes.SIGNATURE):
+        log.warning("%s", COMPILING)
     episodes.step.compile(episodes.SIGNATURE)
     return episodes.step
 

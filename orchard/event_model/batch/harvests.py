@@ -19,6 +19,8 @@ from orchard.field.scenario import Scenario
 from orchard.plans.routes import ROUTES
 from orchard.sim.kernels.arrays import WORDS
 
+# Ticks, far beyond any harvest, that a column can hold.
+MOST_TICKS = 2**62
 # Draws of each kind for which a robot has room at first.
 ROOM = 32
 # Arrays of a state begin at multiples of so many bytes.
@@ -204,7 +206,7 @@ def _initial(prepared: Prepared, is_early: bool) -> c.Model:
 def _rules(layout: Layout, bystanders: Bystanders, bins: int, longest: int) -> np.ndarray:
     """Return what all harvests have in common."""
     rules = np.zeros(1, bc.RULES)
-    rules["longest"] = longest
+    rules["longest"] = min(longest, MOST_TICKS)
     rules["bins"] = bins
     rules["has_failures"] = has_failures(layout.scenario)
     rules["has_people"] = bool(bystanders.density)

@@ -271,6 +271,9 @@ def go_on(m, robot):
     if state == c.DRIVING:
         end_leg(m, robot)
     if is_flat(m, robot):
+        if state == c.LASTING and m.ops[me.op].kind == c.UNLOAD:
+            # The bay takes the bin of a carrier that cannot leave it.
+            end_lasting(m, robot)
         return stop_flat(m, robot)
     if state == c.DRIVING or state == c.STANDING:
         return drive_on(m, robot)

@@ -265,9 +265,9 @@ class Trailers(Section):
 
 
 TRUCK_EVERY = (
-    "time from one truck to the next, s; the first one comes after this time; null: no truck comes"
+    "time from one truck to the next, s; the first one comes after this time; null: no truck"
 )
-TRUCK_BINS = "number of full bins that a truck takes from the bay at most; null: as every"
+TRUCK_BINS = "number of full bins that a truck takes from the bay at most; null: no truck"
 
 
 class Truck(Section):
@@ -291,7 +291,7 @@ class Truck(Section):
 
 EMPTY_BINS = (
     "number of empty bins at the bay when the harvest begins, beside those of pickers and carriers;"
-    " a trailer or the truck brings as many back as it took; null: there are always some"
+    " a trailer or the truck brings as many back as it took; null: endless"
 )
 
 

@@ -1,7 +1,8 @@
 """The bins of a log: when each was full, fetched and unloaded.
 
 The events of a bin have no number in common. What is fetched is the full bin of its picker, or of
-its row. What is unloaded is the oldest one that was fetched, by the same carrier if lines name it.
+its row. What is unloaded is the newest one that the carrier has fetched on that day. Where lines
+name no carrier, it is the oldest one.
 """
 
 from collections.abc import Iterator, Sequence
@@ -72,6 +73,8 @@ class _OpenBin:
     #: was: then it will not be fetched.
     is_overtaken: bool = False
     is_lost: bool = False
+    #: Whether its carrier has unloaded a newer one before it.
+    is_passed_over: bool = False
 
     @property
     def waits(self) -> bool:
@@ -120,12 +123,26 @@ def _times_of(opened: _OpenBin, shift: WorkShift) -> BinTimes:
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Carried:
+    """A bin that is on its way, and the line that says so."""
+
+    opened: _OpenBin
+    fetched: LogLine
+
+    def is_of_carrier(self, line: LogLine) -> bool:
+        """Whether a line names the carrier that has fetched it."""
+        return bool(line.carrier) and self.fetched.carrier == line.carrier
+
+
 class _BinBook:
     """Matches events to bins, in the order of time."""
 
     def __init__(self, file: str) -> None:
         self.file = file
         self.bins: list[_OpenBin] = []
+        #: Bins that are fetched and not unloaded, in the order in which they were fetched.
+        self.on_their_way: list[_Carried] = []
         self.problems: list[Problem] = []
 
     def take(self, line: LogLine) -> None:
@@ -150,6 +167,7 @@ class _BinBook:
         for opened in reversed(self.bins):
             if opened.waits and _is_of(line, opened.full):
                 opened.fetched = line
+                self.on_their_way.append(_Carried(opened, line))
                 return
         text = (
             f"fetched at {line.time.isoformat(' ')}, and no bin of {whose(line)} is full then"
@@ -158,14 +176,21 @@ class _BinBook:
         self.problems.append(Problem(self.file, text, line=line.number))
 
     def _unload(self, line: LogLine) -> None:
-        """Find the bin that is unloaded: the oldest one that was fetched."""
-        for opened in self.bins:
-            if opened.fetched is None or opened.unloaded is not None:
-                continue
-            is_carried = not line.carrier or opened.fetched.carrier in ("", line.carrier)
-            if is_carried and _is_of(line, opened.full):
-                opened.unloaded = line
-                return
+        """Find the bin that is unloaded: the newest one of its carrier, because a line of older
+        ones is missing; the oldest one if no carrier is named.
+        """
+        carried = [taken for taken in self.on_their_way if _is_unloaded_by(line, taken)]
+        of_day = [taken for taken in carried if taken.fetched.time.date() == line.time.date()]
+        # Else it has stood overnight, which is no drive.
+        possible = of_day or carried[-1:]
+        if possible:
+            own = [taken for taken in possible if taken.is_of_carrier(line)]
+            for older in own[:-1]:
+                older.opened.is_passed_over = True
+            unloaded = own[-1] if own else possible[0]
+            unloaded.opened.unloaded = line
+            self.on_their_way.remove(unloaded)
+            return
         text = (
             f"unloaded at {line.time.isoformat(' ')}, and no bin of {whose(line)} is on its way"
             f" then{self._last_of(line)}; a bin must be fetched before it is unloaded"
@@ -194,7 +219,8 @@ class _BinBook:
                     " line with fetched is missing; its times are left out"
                 )
             is_on_its_way = opened.fetched is not None and opened.unloaded is None
-            if is_on_its_way and opened is not newest[name] and "unloaded" in logged:
+            is_missing = opened.is_passed_over or opened is not newest[name]
+            if is_on_its_way and is_missing and "unloaded" in logged:
                 yield (
                     f"{place}: this bin of {name} was never unloaded: a line with unloaded is"
                     " missing; its drive is left out"
@@ -208,6 +234,12 @@ def _is_of(line: LogLine, full: LogLine) -> bool:
         # The next bin of a picker may be full in another row.
         return line.picker == full.picker and (line.event == "full" or is_same_row)
     return is_same_row
+
+
+def _is_unloaded_by(line: LogLine, taken: _Carried) -> bool:
+    """Whether a line may say that a bin is unloaded."""
+    is_carried = not line.carrier or taken.fetched.carrier in ("", line.carrier)
+    return is_carried and _is_of(line, taken.opened.full)
 
 
 def _silences(lines: Sequence[LogLine], shift: WorkShift) -> Iterator[tuple[LogLine, LogLine]]:

@@ -195,3 +195,40 @@ def test_a_time_without_any_event_is_told(tmp_path):
     (gap,) = logged.gaps
     assert gap.startswith(f"{tmp_path / 'log.csv'}:32: no event from 07:58 (line 31) to 09:00:")
     assert [silence.end - silence.begin for silence in logged.silences] == [3720.0]
+
+
+def carried_log(missing: int, days: int = 2) -> str:
+    """Return a log of a carrier with ten bins a day, without one of its lines with unloaded."""
+    lines = ["time,event,picker,row,carrier"]
+    for number in range(10 * days):
+        day = 14 + number // 10
+        hour = 7 + number % 10
+        lines.append(f"2026-04-{day}T{hour:02}:10:00,full,Ana,{number + 1},")
+        lines.append(f"2026-04-{day}T{hour:02}:11:00,fetched,Ana,{number + 1},T1")
+        if number != missing:
+            lines.append(f"2026-04-{day}T{hour:02}:14:00,unloaded,,,T1")
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize("missing", [1, 9, 18])
+def test_a_missing_unload_spoils_no_other_drive(tmp_path, missing):
+    logged = bins_of(read(tmp_path, carried_log(missing)), WorkShift())
+    drives = [bin_.unloaded and bin_.unloaded - bin_.fetched for bin_ in logged.bins]
+    expected = [180.0] * 20
+    expected[missing] = None
+    assert drives == expected
+    assert logged.gaps == [
+        f"{tmp_path / 'log.csv'}:{3 * missing + 2}: this bin of Ana was never unloaded: a line with"
+        " unloaded is missing; its drive is left out"
+    ]
+
+
+def test_the_last_bin_of_a_picker_is_told_as_not_unloaded(tmp_path):
+    text = GOOD + "2026-04-14T08:25:00,full,Ben,4,\n2026-04-14T08:30:00,fetched,Ben,4,T2\n"
+    text += "2026-04-14T08:35:00,unloaded,,,T2\n"
+    logged = bins_of(read(tmp_path, text), WorkShift())
+    assert [bin_.unloaded for bin_ in logged.bins] == [28230.0, None, 30900.0]
+    assert logged.gaps == [
+        f"{tmp_path / 'log.csv'}:5: this bin of Ana was never unloaded: a line with unloaded is"
+        " missing; its drive is left out"
+    ]

@@ -204,6 +204,10 @@ class _BinBook:
                 events = (opened.full, opened.fetched, opened.unloaded)
                 last = [event for event in events if event is not None][-1]
                 return f" (line {last.number}: its last one was {last.event})"
+        for opened in reversed(self.bins):
+            if not _differs(line, opened.full):
+                number = opened.full.number
+                return f" (line {number} has no picker and no row in common; name one in both)"
         return ""
 
     def gaps(self, logged: frozenset[str]) -> Iterator[str]:
@@ -228,18 +232,37 @@ class _BinBook:
 
 
 def _is_of(line: LogLine, full: LogLine) -> bool:
-    """Whether a line may be about the bin that another line says is full."""
-    is_same_row = not line.row or not full.row or line.row == full.row
-    if line.picker and full.picker:
+    """Whether a line is about the bin of another one: picker or row are the same, none differs."""
+    if line.picker and full.picker and line.event == "full":
         # The next bin of a picker may be full in another row.
-        return line.picker == full.picker and (line.event == "full" or is_same_row)
-    return is_same_row
+        return line.picker == full.picker
+    has_common = _shares(line.picker, full.picker) or _shares(line.row, full.row)
+    return has_common and not _differs(line, full)
 
 
 def _is_unloaded_by(line: LogLine, taken: _Carried) -> bool:
-    """Whether a line may say that a bin is unloaded."""
-    is_carried = not line.carrier or taken.fetched.carrier in ("", line.carrier)
-    return is_carried and _is_of(line, taken.opened.full)
+    """Whether a line says that a bin is unloaded: picker, row or carrier are the same, and none
+    differs. The line with full may name what the one with fetched does not.
+    """
+    fetched = taken.fetched
+    full = taken.opened.full
+    if line.carrier and fetched.carrier not in ("", line.carrier):
+        return False
+    if _differs(line, fetched) or _differs(line, full):
+        return False
+    return taken.is_of_carrier(line) or _is_of(line, fetched) or _is_of(line, full)
+
+
+def _shares(name: str, with_name: str) -> bool:
+    """Whether two lines say the same name."""
+    return bool(name) and name == with_name
+
+
+def _differs(line: LogLine, before: LogLine) -> bool:
+    """Whether two lines name two pickers, or two rows."""
+    pickers = {line.picker, before.picker} - {""}
+    rows = {line.row, before.row} - {""}
+    return len(pickers) > 1 or len(rows) > 1
 
 
 def _silences(lines: Sequence[LogLine], shift: WorkShift) -> Iterator[tuple[LogLine, LogLine]]:

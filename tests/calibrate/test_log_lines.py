@@ -232,3 +232,18 @@ def test_the_last_bin_of_a_picker_is_told_as_not_unloaded(tmp_path):
         f"{tmp_path / 'log.csv'}:5: this bin of Ana was never unloaded: a line with unloaded is"
         " missing; its drive is left out"
     ]
+
+
+def test_lines_with_no_name_in_common_are_not_matched(tmp_path):
+    text = changed(2, "2026-04-14T07:40:00,full,Ana,,")
+    text = text.replace("fetched,Ana,3,T1", "fetched,,3,T1")
+    assert faults(tmp_path, text)[0] == (
+        "3: fetched at 2026-04-14 07:44:00, and no bin of row 3 is full then (line 2 has no picker"
+        " and no row in common; name one in both); a bin must be full before it is fetched"
+    )
+
+
+def test_names_of_one_bin_may_stand_on_different_lines(tmp_path):
+    text = changed(3, "2026-04-14T07:44:00,fetched,,3,T1").replace("unloaded,Ana,3", "unloaded,,")
+    text = text.replace("full,Ana,3,T1", "full,Ana,3,")
+    assert bins_of(read(tmp_path, text), WorkShift()).bins[0].unloaded == 28230.0

@@ -52,6 +52,12 @@ def drives_of(
         if not is_silent(silences, logged.day, fetched, unloaded):
             known.append((logged, metres_of[logged.row], unloaded - fetched))
     usual = median(seconds for _, _, seconds in known) if known else 0.0
+    if file and known and usual <= 0.0:
+        sentence = (
+            f"{file}: most bins were unloaded at the very time at which they were fetched, so the"
+            " drives are left out; write times to the second"
+        )
+        return _drives([]), [sentence]
     kept = []
     sentences = []
     for logged, metres, seconds in known:
@@ -62,8 +68,13 @@ def drives_of(
             f"{file}:{logged.line}: this bin was unloaded {seconds / 60.0:.0f} min after it was"
             f" fetched, {seconds / usual:.1f} times as long as most; its drive is left out"
         )
-    pairs = np.array(kept).reshape(-1, 2)
-    return BinDrives(pairs[:, 0], pairs[:, 1]), sentences
+    return _drives(kept), sentences
+
+
+def _drives(pairs: Sequence[tuple[float, float]]) -> BinDrives:
+    """Return drives. `pairs`: metres and seconds of each."""
+    columns = np.array(pairs).reshape(-1, 2)
+    return BinDrives(columns[:, 0], columns[:, 1])
 
 
 def slope_of(metres: np.ndarray, seconds: np.ndarray, axis: int = -1) -> np.ndarray:

@@ -62,7 +62,15 @@ def split_last_day(logged: LoggedBins) -> tuple[LoggedBins, list[BinTimes]]:
 
 
 def rate_of(bins: Sequence[BinTimes], silences: Sequence[Silence] = ()) -> float:
-    """Return the bins an hour of a day, from its first full bin to its last one."""
+    """Return the bins an hour of a day, from its first full bin to its last one.
+
+    `logged_seconds` of them must be more than none.
+    """
+    return 3600.0 * (len(bins) - 1) / logged_seconds(bins, silences)
+
+
+def logged_seconds(bins: Sequence[BinTimes], silences: Sequence[Silence] = ()) -> float:
+    """Return the time from the first full bin of a day to its last one, without silences, s."""
     times = [of_log.full for of_log in bins]
     begin = min(times)
     end = max(times)
@@ -70,7 +78,7 @@ def rate_of(bins: Sequence[BinTimes], silences: Sequence[Silence] = ()) -> float
     for silence in silences:
         if silence.day == bins[0].day:
             silent += max(0.0, min(end, silence.end) - max(begin, silence.begin))
-    return 3600.0 * (len(times) - 1) / (end - begin - silent)
+    return end - begin - silent
 
 
 def check_on_day(
@@ -87,8 +95,7 @@ def check_on_day(
     names = sorted({of_log.picker for of_log in of_day if of_log.picker})
     carriers = len({of_log.carrier for of_log in of_day if of_log.carrier})
     pickers = max(2, len(names)) if names else fitted.scenario.pickers
-    times = [of_log.full for of_log in of_day]
-    if len(of_day) < LEAST_BINS * pickers or min(times) == max(times):
+    if len(of_day) < LEAST_BINS * pickers or logged_seconds(of_day, silences) <= 0.0:
         return None
     scenario = with_changes(
         fitted.scenario,

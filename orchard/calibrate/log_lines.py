@@ -65,9 +65,9 @@ def read_log(path: Path) -> BinLog:
     file = printable(str(path))
     text, assumed = text_of(path.read_bytes())
     notes = list(assumed)
-    head = text.partition("\n")[0]
+    head = re.split(r"[\r\n]", text, maxsplit=1)[0]
     separator = max(_SEPARATORS, key=head.count)
-    names = _names_of(head, separator)
+    names = _names_of(head, separator, file)
     places = _places_of(names, file)
     unused = [name for number, name in enumerate(names) if number not in places.values()]
     if unused:
@@ -97,9 +97,13 @@ def read_log(path: Path) -> BinLog:
     return BinLog(file, lines, frozenset(places), notes)
 
 
-def _names_of(head: str, separator: str) -> list[str]:
-    """Return the names of the columns."""
-    names = next(csv.reader([head.rstrip("\r")], delimiter=separator), [])
+def _names_of(head: str, separator: str, file: str) -> list[str]:
+    """Return the names of the columns. Raises ScenarioError."""
+    try:
+        names = next(csv.reader([head], delimiter=separator), [])
+    except csv.Error as error:
+        text = f"names no columns: {error}. It must name them: {HEADER}"
+        raise ScenarioError([Problem(file, text, line=1)]) from None
     return [name.strip() for name in names]
 
 

@@ -95,5 +95,8 @@ def _right_time(time: LogTime, home: timedelta | None) -> str:
         return "write all times in one zone: leave out the zone if the clock is the same"
     if time.offset is None:
         return f"write {time.local.isoformat()}{_sign_of(home)} if the clock is the same"
-    moved = time.local - time.offset + home
+    try:
+        moved = time.local - time.offset + home
+    except OverflowError:
+        return f"write a time of the years 1 to 9999 with {_sign_of(home)}"
     return f"write {moved.isoformat()}{_sign_of(home)}"

@@ -7,6 +7,7 @@ import pytest
 from made_logs import log_text, simulated_bins
 
 from orchard.calibrate.bins import BinTimes, LoggedBins, Silence, bins_of
+from orchard.calibrate.driving import drives_of
 from orchard.calibrate.fit import fit
 from orchard.calibrate.last_day import check_on_day, rate_of, split_last_day
 from orchard.calibrate.log_lines import read_log
@@ -174,3 +175,28 @@ def test_rows_that_the_scenario_lacks_are_told_by_line(tmp_path):
     with pytest.raises(ScenarioError) as caught:
         orchard_of(log, logged.bins, KNOWN)
     assert str(caught.value) == (f"{path}:3: row = 31: must be a row of the scenario, 1 to 26")
+
+
+def test_drives_of_no_time_are_told_and_left_out():
+    day = date(2026, 4, 14)
+    bins = []
+    for number in range(9):
+        full = 600.0 * number
+        bins.append(BinTimes("Ana", "1", "T1", day, full, full + 60.0, full + 60.0))
+    bins.append(BinTimes("Ana", "1", "T1", day, 6000.0, 6060.0, 6120.0))
+    drives, sentences = drives_of(bins, {"1": 30.0}, file="log.csv")
+    assert len(drives.metres) == 0
+    assert sentences == [
+        "log.csv: most bins were unloaded at the very time at which they were fetched, so the"
+        " drives are left out; write times to the second"
+    ]
+
+
+def test_a_day_of_nothing_but_a_silence_is_no_test():
+    day = date(2026, 4, 15)
+    bins = [BinTimes(f"P{number % 2}", "", "", day, 0.0, None, None) for number in range(4)]
+    bins += [BinTimes(of_day.picker, "", "", day, 9000.0, None, None) for of_day in bins]
+    base = with_changes(KNOWN, picking_rate=2.0)
+    fitted = fit(LoggedBins(log_of(base), [], []), base, False, "log.csv")
+    silence = Silence(day, 0.0, 9000.0)
+    assert check_on_day(fitted, bins, [silence], 0.95, lambda runs: None) is None

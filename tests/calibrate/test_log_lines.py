@@ -247,3 +247,21 @@ def test_names_of_one_bin_may_stand_on_different_lines(tmp_path):
     text = changed(3, "2026-04-14T07:44:00,fetched,,3,T1").replace("unloaded,Ana,3", "unloaded,,")
     text = text.replace("full,Ana,3,T1", "full,Ana,3,")
     assert bins_of(read(tmp_path, text), WorkShift()).bins[0].unloaded == 28230.0
+
+
+def test_lines_may_end_as_on_an_old_macintosh(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_bytes(GOOD.replace("\n", "\r").encode())
+    assert read_log(path).lines == read(tmp_path, GOOD).lines
+
+
+def test_a_first_line_without_end_is_told(tmp_path):
+    (fault,) = faults(tmp_path, "a" * 200_000)
+    assert fault.startswith("1: names no columns: field larger than field limit (131072). It must")
+
+
+def test_a_time_that_another_zone_cannot_have_is_told(tmp_path):
+    text = GOOD.replace(":00,", ":00+12:00,").replace(":30,", ":30+12:00,")
+    text = text.replace("2026-04-14T08:21:00+12:00", "9999-12-31T23:30:00-12:00")
+    (fault,) = faults(tmp_path, text)
+    assert fault.endswith("+12:00; write a time of the years 1 to 9999 with +12:00")

@@ -18,6 +18,8 @@ from orchard.calibrate.picking import MOST_TIMES_THE_MEDIAN, is_silent
 # BinDrives, and metres between the shortest and the longest way, from which on a speed is fitted.
 LEAST_DRIVES = 12
 LEAST_METRES = 20.0
+# The share of resamples with equal ways up to which a speed is fitted.
+MOST_UNKNOWN = 0.02
 
 
 @dataclass(frozen=True)
@@ -144,12 +146,19 @@ def fit_driving(
         why = f"the ways to the bay differ by {drives.reach:.0f} m only"
     else:
         slopes = estimate(float(slope_of(*samples)), samples, slope_of, confidence)
-        if slopes.low <= lost:
+        if slopes.unknown > MOST_UNKNOWN:
+            why = "there are too few drives of other ways"
+        elif slopes.low <= lost:
             why = "times do not grow with the way to the bay for certain"
         else:
             fitted = estimate(float(speed(*samples)), samples, speed, confidence)
     rest = unloading_alone if fitted is None else unloading
     handled = estimate(float(rest(*samples)), samples, rest, confidence)
     # The rest of a steep slope can be less than nothing. A time in the bay cannot.
-    handled = replace(handled, low=max(0.0, handled.low))
+    handled = replace(
+        handled,
+        value=max(0.0, handled.value),
+        low=max(0.0, handled.low),
+        high=max(0.0, handled.high),
+    )
     return DrivingFit(fitted, handled, len(drives.metres), why)

@@ -3,9 +3,10 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
-from scipy.stats import bootstrap
+from scipy.stats import DegenerateDataWarning, bootstrap
 
 # Resamples of an interval, and the seed by which they are drawn.
 RESAMPLES = 999
@@ -26,6 +27,11 @@ class FittedValue:
     low: float
     high: float
     draws: np.ndarray
+
+    @property
+    def unknown(self) -> float:
+        """The share of resamples that tell nothing."""
+        return float(np.isnan(self.draws).mean())
 
     def of(self, resample: int | None) -> float:
         """Return the value of a resample; the estimate itself for None, and for one without any."""
@@ -48,17 +54,21 @@ def estimate(
     `samples`: (n,) each, resampled together. `statistic`: of resamples, (..., n) each.
     """
     options: dict[str, Any] = {"method": "percentile", "vectorized": True, "axis": -1}
-    result = bootstrap(
-        samples,
-        statistic,
-        n_resamples=RESAMPLES,
-        paired=len(samples) > 1,
-        confidence_level=confidence,
-        rng=np.random.default_rng(SEED),
-        batch=100,
-        **options,
-    )
-    interval = result.confidence_interval
-    low = min(value, float(interval.low))
-    high = max(value, float(interval.high))
-    return FittedValue(value, low, high, result.bootstrap_distribution)
+    with catch_warnings():
+        # Resamples without a value are left out below.
+        simplefilter("ignore", DegenerateDataWarning)
+        result = bootstrap(
+            samples,
+            statistic,
+            n_resamples=RESAMPLES,
+            paired=len(samples) > 1,
+            confidence_level=confidence,
+            rng=np.random.default_rng(SEED),
+            batch=100,
+            **options,
+        )
+    draws = result.bootstrap_distribution
+    # A resample may tell nothing, such as the slope of equal ways.
+    tail = 50.0 * (1.0 - confidence)
+    lowest, highest = np.nanpercentile(draws, [tail, 100.0 - tail])
+    return FittedValue(value, min(value, float(lowest)), max(value, float(highest)), draws)

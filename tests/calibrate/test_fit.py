@@ -7,7 +7,7 @@ import pytest
 from made_logs import log_text, simulated_bins
 
 from orchard.calibrate.bins import BinTimes, LoggedBins, Silence, bins_of
-from orchard.calibrate.driving import drives_of
+from orchard.calibrate.driving import BinDrives, drives_of, fit_driving
 from orchard.calibrate.fit import fit
 from orchard.calibrate.last_day import check_on_day, rate_of, split_last_day
 from orchard.calibrate.log_lines import read_log
@@ -200,3 +200,28 @@ def test_a_day_of_nothing_but_a_silence_is_no_test():
     fitted = fit(LoggedBins(log_of(base), [], []), base, False, "log.csv")
     silence = Silence(day, 0.0, 9000.0)
     assert check_on_day(fitted, bins, [silence], 0.95, lambda runs: None) is None
+
+
+def test_a_single_drive_of_another_way_tells_no_speed():
+    metres = np.array([30.0] * 15 + [120.0])
+    seconds = np.array([45.0, 47.0, 44.0] * 5 + [150.0])
+    model = BinDrives(np.array([30.0, 120.0]), np.array([40.0, 130.0]))
+    driving = fit_driving(BinDrives(metres, seconds), model, 1.0, 10.0, 0.95)
+    assert (driving.speed, driving.why) == (None, "there are too few drives of other ways")
+
+
+def test_a_resample_of_equal_ways_leaves_an_interval():
+    metres = np.array([30.0] * 20 + [120.0] * 5)
+    seconds = np.array([40.0, 60.0, 50.0, 45.0] * 5 + [130.0, 140.0, 120.0, 125.0, 135.0])
+    model = BinDrives(np.array([30.0, 120.0]), np.array([40.0, 130.0]))
+    speed = fit_driving(BinDrives(metres, seconds), model, 1.0, 10.0, 0.95).speed
+    assert 0.0 < speed.unknown < 0.02
+    assert speed.low < 0.95 * speed.value < 1.05 * speed.value < speed.high
+
+
+def test_a_time_in_the_bay_is_never_less_than_none():
+    metres = np.linspace(30.0, 120.0, 24)
+    model = BinDrives(metres, metres + 60.0)
+    driving = fit_driving(BinDrives(metres, metres * 0.02 + 1.0), model, 1.0, 10.0, 0.95)
+    bay = driving.unloading
+    assert 0.0 <= bay.low <= bay.value <= bay.high

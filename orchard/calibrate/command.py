@@ -8,7 +8,7 @@ from rich.progress import TextColumn
 
 from orchard.calibrate.bins import BinTimes, bins_of
 from orchard.calibrate.fit import fit
-from orchard.calibrate.last_day import RUNS, check_on_day, split_last_day
+from orchard.calibrate.last_day import RUNS, check_on_day, split_last_day, why_untested
 from orchard.calibrate.log_lines import BinLog, read_log
 from orchard.calibrate.options import CalibrationOptions
 from orchard.calibrate.structure import orchard_of
@@ -55,15 +55,19 @@ def _calibrate(chosen: CalibrationOptions) -> None:
     days = len({of_log.day for of_log in logged.bins})
     with _progress() as tell:
         fitted = fit(earlier, orchard.base, orchard.has_rows, log.file, chosen.confidence)
+        untested = why_untested(of_day, logged.silences, fitted.scenario.pickers)
         tested = None
-        if of_day:
+        if not untested:
             tested = check_on_day(fitted, of_day, logged.silences, chosen.confidence, tell)
     print_line(_heading(log, logged.bins, days))
     console.print(fitted_table(fitted, chosen.confidence))
     if any(fitted.picking.rates):
         print_line(rates_sentence(fitted))
-    for sentence in tested_sentences(tested, days, chosen.confidence):
-        print_line(sentence)
+    if tested is None:
+        print_line(untested)
+    else:
+        for sentence in tested_sentences(tested, chosen.confidence):
+            print_line(sentence)
     _print_notes([*log.notes, *orchard.notes, *fitted.notes])
     _print_notes([*logged.gaps, *fitted.left_out])
     if chosen.out is not None:

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import date
-from statistics import fmean, stdev
+from statistics import fmean, variance
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from orchard.calibrate.bins import BinTimes, LoggedBins, Silence
 from orchard.calibrate.estimates import RESAMPLES, SEED
 from orchard.calibrate.fit import ALIKE, Fit, driving_values
 from orchard.calibrate.model_bins import first_model_bins
+from orchard.calibrate.structure import FEWEST_PICKERS
 from orchard.field.kinds import name_of
 from orchard.field.scenario import Scenario, with_changes
 from orchard.field.scenario.sections import LEAST_CV
@@ -81,22 +82,40 @@ def logged_seconds(bins: Sequence[BinTimes], silences: Sequence[Silence] = ()) -
     return end - begin - silent
 
 
+def why_untested(of_day: Sequence[BinTimes], silences: Sequence[Silence], usual: int) -> str:
+    """Return why a day is no test of a fit, or "". `usual`: pickers, if the log names none."""
+    if not of_day:
+        return "the log has one day, so nothing is left to test the fit on; a second day would do"
+    pickers = len(_pickers_of(of_day)) or usual
+    if pickers < FEWEST_PICKERS:
+        return (
+            f"the last day has one picker, and a harvest of the model {FEWEST_PICKERS} at least:"
+            " no test"
+        )
+    if len(of_day) < LEAST_BINS * pickers or logged_seconds(of_day, silences) <= 0.0:
+        return "the last day has too few bins to test the fit on"
+    return ""
+
+
+def _pickers_of(of_day: Sequence[BinTimes]) -> list[str]:
+    """Return the names of a day's pickers in order."""
+    return sorted({of_log.picker for of_log in of_day if of_log.picker})
+
+
 def check_on_day(
     fitted: Fit,
     of_day: Sequence[BinTimes],
     silences: Sequence[Silence],
     confidence: float,
     tell: Callable[[int], None],
-) -> LastDay | None:
-    """Return how well a fit predicts a day; None if the day has too few bins to tell.
+) -> LastDay:
+    """Return how well a fit predicts a day. `why_untested` of it must be "".
 
     `tell`: gets the number of the runs that are done. Raises ScenarioError, Jam.
     """
-    names = sorted({of_log.picker for of_log in of_day if of_log.picker})
+    names = _pickers_of(of_day)
     carriers = len({of_log.carrier for of_log in of_day if of_log.carrier})
-    pickers = max(2, len(names)) if names else fitted.scenario.pickers
-    if len(of_day) < LEAST_BINS * pickers or logged_seconds(of_day, silences) <= 0.0:
-        return None
+    pickers = len(names) or fitted.scenario.pickers
     scenario = with_changes(
         fitted.scenario,
         **{
@@ -111,8 +130,11 @@ def check_on_day(
         rates.append(rate_of(first_model_bins(drawn, len(of_day))))
         tell(run + 1)
     width = float(students_t.ppf(0.5 + confidence / 2.0, RUNS - 1))
-    half = width * stdev(rates) * math.sqrt(1.0 + 1.0 / RUNS)
     predicted = fmean(rates)
+    # The bins of the model are alike, and those of a day are not.
+    of_bins = predicted * (fitted.picking.between_bins or 0.0)
+    of_runs = variance(rates) * (1.0 + 1.0 / RUNS)
+    half = width * math.sqrt(of_runs + of_bins**2 / len(of_day))
     return LastDay(
         day=of_day[0].day,
         bins=len(of_day),

@@ -49,14 +49,8 @@ def rates_sentence(fitted: Fit) -> str:
     return f"bins an hour of each while it picks: {', '.join(shares)}"
 
 
-def tested_sentences(tested: LastDay | None, days: int, confidence: float) -> Iterator[str]:
+def tested_sentences(tested: LastDay, confidence: float) -> Iterator[str]:
     """Yield how well the fit predicts the day that it did not see."""
-    if tested is None and days < 2:
-        yield "the log has one day, so nothing is left to test the fit on; a second day would do"
-        return
-    if tested is None:
-        yield "the last day has too few bins to test the fit on"
-        return
     expected = f"{tested.low:.3g} to {tested.high:.3g}"
     yield (
         f"{tested.day}, which the fit did not see: {tested.logged:.3g} bins an hour"

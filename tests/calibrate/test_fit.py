@@ -1,15 +1,18 @@
 """A harvest with known rates writes its log, and a calibration of that log gives the rates back."""
 
+import math
+from dataclasses import replace
 from datetime import date, timedelta
 
 import numpy as np
 import pytest
 from made_logs import log_text, simulated_bins
+from scipy.stats import t as students_t
 
 from orchard.calibrate.bins import BinTimes, LoggedBins, Silence, bins_of
 from orchard.calibrate.driving import BinDrives, drives_of, fit_driving
 from orchard.calibrate.fit import fit
-from orchard.calibrate.last_day import check_on_day, rate_of, split_last_day
+from orchard.calibrate.last_day import RUNS, check_on_day, rate_of, split_last_day, why_untested
 from orchard.calibrate.log_lines import read_log
 from orchard.calibrate.model_bins import model_bins
 from orchard.calibrate.picking import intervals_of, without_long_ones
@@ -110,6 +113,13 @@ def test_a_last_day_of_the_same_kind_is_as_predicted():
     assert tested.logged == rate_of(of_day)
     assert tested.is_as_predicted
     assert tested.high - tested.low < 0.5 * tested.logged
+    unlike = replace(fitted, picking=replace(fitted.picking, between_bins=0.4))
+    wider = check_on_day(unlike, of_day, [], 0.95, lambda runs: None)
+    width = students_t.ppf(0.975, RUNS - 1)
+    more = 0.4**2 - fitted.picking.between_bins**2
+    by_bins = width * tested.predicted * math.sqrt(more / len(of_day))
+    by_runs = tested.high - tested.predicted
+    assert wider.high - wider.predicted == pytest.approx(math.hypot(by_runs, by_bins))
     slower = [
         BinTimes(**vars(bin_) | {"full": 2.0 * bin_.full, "fetched": None}) for bin_ in of_day
     ]
@@ -196,10 +206,9 @@ def test_a_day_of_nothing_but_a_silence_is_no_test():
     day = date(2026, 4, 15)
     bins = [BinTimes(f"P{number % 2}", "", "", day, 0.0, None, None) for number in range(4)]
     bins += [BinTimes(of_day.picker, "", "", day, 9000.0, None, None) for of_day in bins]
-    base = with_changes(KNOWN, picking_rate=2.0)
-    fitted = fit(LoggedBins(log_of(base), [], []), base, False, "log.csv")
     silence = Silence(day, 0.0, 9000.0)
-    assert check_on_day(fitted, bins, [silence], 0.95, lambda runs: None) is None
+    assert why_untested(bins, [silence], 8) == "the last day has too few bins to test the fit on"
+    assert why_untested(bins, [], 8) == ""
 
 
 def test_a_single_drive_of_another_way_tells_no_speed():
@@ -225,3 +234,10 @@ def test_a_time_in_the_bay_is_never_less_than_none():
     driving = fit_driving(BinDrives(metres, metres * 0.02 + 1.0), model, 1.0, 10.0, 0.95)
     bay = driving.unloading
     assert 0.0 <= bay.low <= bay.value <= bay.high
+
+
+def test_a_last_day_of_one_picker_is_no_test():
+    bins = [BinTimes("Ana", "1", "", date(2026, 4, 15), 600.0 * n, None, None) for n in range(9)]
+    assert why_untested(bins, [], 8) == (
+        "the last day has one picker, and a harvest of the model 2 at least: no test"
+    )

@@ -54,7 +54,14 @@ def _calibrate(chosen: CalibrationOptions) -> None:
     earlier, of_day = split_last_day(logged)
     days = len({of_log.day for of_log in logged.bins})
     with _progress() as tell:
-        fitted = fit(earlier, orchard.base, orchard.has_rows, log.file, chosen.confidence)
+        fitted = fit(
+            earlier,
+            orchard.base,
+            orchard.has_rows,
+            log.file,
+            chosen.confidence,
+            is_assumed=orchard.is_assumed,
+        )
         untested = why_untested(of_day, logged.silences, fitted.scenario.pickers)
         tested = None
         if not untested:

@@ -52,17 +52,24 @@ class Fit:
 
 
 def fit(
-    logged: LoggedBins, base: Scenario, has_rows: bool, file: str, confidence: float = 0.95
+    logged: LoggedBins,
+    base: Scenario,
+    has_rows: bool,
+    file: str,
+    confidence: float = 0.95,
+    *,
+    is_assumed: bool = False,
 ) -> Fit:
     """Return the scenario that fits the bins of a log.
 
     `base`: all that the log does not tell. `has_rows`: whether rows of the log are those of `base`.
-    Raises ScenarioError if the log has too few bins, or no scenario can be as it says; and what
-    `model_bins` raises.
+    `is_assumed`: the user has named no scenario. Raises ScenarioError if the log has too few bins,
+    or no scenario can be as it says; and what `model_bins` raises.
     """
     intervals, left_out = without_long_ones(intervals_of(logged.bins, logged.silences), file)
     base = base.model_copy(update={"picker_rates": {}})
-    picking = _fit_picking(intervals, _plain(base), file, confidence)
+    advice = "; name your scenario: --on SCENARIO.yaml" if is_assumed else ""
+    picking = _fit_picking(intervals, _plain(base), file, confidence, advice)
     notes: list[str] = []
     scenario = with_changes(base, **_picking_values(base, picking, notes))
     if not has_rows:
@@ -97,9 +104,16 @@ def _plain(base: Scenario) -> Scenario:
 
 
 def _fit_picking(
-    intervals: Sequence[BinInterval], plain: Scenario, file: str, confidence: float
+    intervals: Sequence[BinInterval],
+    plain: Scenario,
+    file: str,
+    confidence: float,
+    advice: str,
 ) -> PickingFit:
-    """Return how fast pickers pick. `plain`: as `_plain` returns it. Raises ScenarioError."""
+    """Return how fast pickers pick. `plain`: as `_plain` returns it. Raises ScenarioError.
+
+    `advice`: ends what is told of a scenario that cannot be that of the log.
+    """
     if not intervals:
         text = (
             "has no two bins of one picker and day, of which the first was fetched: no picking time"
@@ -111,11 +125,14 @@ def _fit_picking(
     usual = PickingTimes(intervals)
     for _ in range(ROUNDS):
         changes = _rate_values(rate)
-        with _as_of_the_log(file, rate):
+        with _as_of_the_log(file, rate, advice):
             model = with_changes(plain, **changes)
         of_model = intervals_of(_named_as_in(intervals, model_bins(model)))
         if not of_model:
-            text = "the scenario that --on names has too few bins in a row to be compared with it"
+            text = (
+                "has several bins of a picker, or of a row, one after another, and this scenario"
+                f" has none{advice}"
+            )
             raise ScenarioError([Problem(file, text)])
         beside = float(PickingTimes(of_model).means.mean()) - 3600.0 / rate
         usual = PickingTimes(of_model, beside)
@@ -123,11 +140,11 @@ def _fit_picking(
         if float(times.times.min()) <= 0.0:
             text = (
                 f"has bins that are full within {beside:.0f} s of the fetched one before them; in"
-                " this scenario the ways of a picker alone take so long"
+                f" this scenario the ways of a picker alone take so long{advice}"
             )
             raise ScenarioError([Problem(file, text)])
         rate = 3600.0 / float(times.means.mean())
-    with _as_of_the_log(file, rate):
+    with _as_of_the_log(file, rate, advice):
         with_changes(plain, **_rate_values(rate))
     try:
         return fit_picking(PickingTimes(intervals, beside), usual, confidence)
@@ -143,14 +160,14 @@ def _named_as_in(intervals: Sequence[BinInterval], bins: Sequence[BinTimes]) -> 
 
 
 @contextmanager
-def _as_of_the_log(file: str, rate: float) -> Iterator[None]:
+def _as_of_the_log(file: str, rate: float, advice: str) -> Iterator[None]:
     """In this context, a rate that no scenario can have is told as one of the log."""
     try:
         yield
     except ScenarioError as error:
         text = (
             f"its pickers fill {rate:.3g} bins an hour while they pick, which this scenario cannot"
-            f" have: {error.problems[0].text}"
+            f" have: {error.problems[0].text}{advice}"
         )
         raise ScenarioError([Problem(file, text)]) from None
 

@@ -4,15 +4,19 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import date
-from statistics import fmean
 
 from orchard.calibrate.bins import BinTimes
 from orchard.calibrate.log_lines import BinLog
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario, with_changes
-from orchard.field.survey import FEWEST_ROWS
+from orchard.field.survey import FEWEST_ROWS, MOST_ROWS
 
 FEWEST_PICKERS = 2
+# What is assumed of rows, so that a picker of the model fills several bins, and a bin fits.
+LEAST_ROWS_A_PICKER = 3
+LEAST_BINS_A_ROW = 3.0
+MOST_BINS_A_ROW = 40.0
+METRES_A_BIN = 10.0
 _NUMBER = re.compile(r"(?:row|r)?[ _.-]*0*([1-9][0-9]*)", re.IGNORECASE)
 
 
@@ -20,13 +24,14 @@ _NUMBER = re.compile(r"(?:row|r)?[ _.-]*0*([1-9][0-9]*)", re.IGNORECASE)
 class LogOrchard:
     """The orchard of a log: `base` has all that the log does not tell.
 
-    `has_rows`: whether rows of the log are numbered as those of the scenario. `notes`: what was
-    assumed.
+    `has_rows`: whether rows of the log are numbered as those of the scenario. `is_assumed`: no
+    scenario was named. `notes`: what was assumed.
     """
 
     base: Scenario
     bins: list[BinTimes]
     has_rows: bool
+    is_assumed: bool
     notes: list[str]
 
 
@@ -59,12 +64,12 @@ def orchard_of(log: BinLog, bins: Sequence[BinTimes], on: Scenario | None) -> Lo
         problems = [replace(problem, file=log.file) for problem in error.problems]
         raise ScenarioError(problems) from None
     if on is None or not rows:
-        return LogOrchard(base, list(bins), False, notes)
+        return LogOrchard(base, list(bins), False, on is None, notes)
     numbered = _numbered(log.file, bins, base)
     if numbered is None:
         notes.append("rows of the log have names, and those of the scenario numbers")
-        return LogOrchard(base, list(bins), False, notes)
-    return LogOrchard(base, numbered, True, notes)
+        return LogOrchard(base, list(bins), False, False, notes)
+    return LogOrchard(base, numbered, True, False, notes)
 
 
 def _most_a_day(bins: Sequence[BinTimes], column: str) -> int:
@@ -82,18 +87,23 @@ def _rows_of_the_log(
 ) -> dict[str, object]:
     """Return what a log says of rows, where no scenario does. `rows`: their names."""
     usual = Scenario()
-    assumed = f"no scenario is named (--on): rows of {usual.row_length:g} m"
-    if len(rows) < FEWEST_ROWS:
-        count = max(usual.rows, _most_a_day(bins, "picker"))
-        notes.append(f"{assumed}, {count} of them, each of one bin, are assumed")
-        return {"rows": count}
-    bins_of: dict[str, int] = {}
-    for logged in bins:
-        if logged.row:
-            bins_of[logged.row] = bins_of.get(logged.row, 0) + 1
-    bins_per_row = round(fmean(bins_of.values()), 1)
-    notes.append(f"{assumed} are assumed; {len(rows)} rows of {bins_per_row:g} bins are in the log")
-    return {"rows": len(rows), "bins_per_row": bins_per_row}
+    pickers = _most_a_day(bins, "picker")
+    count = min(MOST_ROWS, max(usual.rows, pickers))
+    bins_per_row = LEAST_BINS_A_ROW
+    in_the_log = ""
+    if len(rows) >= FEWEST_ROWS:
+        count = min(MOST_ROWS, max(len(rows), pickers))
+        mean = sum(1 for logged in bins if logged.row) / len(rows)
+        in_the_log = f"; {len(rows)} rows of {mean:.3g} bins are in the log"
+        has_many_rows = pickers > 0 and count >= LEAST_ROWS_A_PICKER * pickers
+        least = 1.0 if has_many_rows else LEAST_BINS_A_ROW
+        bins_per_row = round(min(MOST_BINS_A_ROW, max(least, mean)), 1)
+    length = max(usual.row_length, METRES_A_BIN * bins_per_row)
+    notes.append(
+        f"no scenario is named (--on): {count} rows of {length:g} m, each of {bins_per_row:g} bins,"
+        f" are assumed{in_the_log}"
+    )
+    return {"rows": count, "row_length": length, "bins_per_row": bins_per_row}
 
 
 def _numbered(file: str, bins: Sequence[BinTimes], base: Scenario) -> list[BinTimes] | None:

@@ -13,7 +13,7 @@ from orchard.calibrate.bins import BinTimes, LoggedBins, Silence, bins_of
 from orchard.calibrate.driving import BinDrives, drives_of, fit_driving
 from orchard.calibrate.fit import fit
 from orchard.calibrate.last_day import RUNS, check_on_day, rate_of, split_last_day, why_untested
-from orchard.calibrate.log_lines import read_log
+from orchard.calibrate.log_lines import BinLog, read_log
 from orchard.calibrate.model_bins import model_bins
 from orchard.calibrate.picking import intervals_of, without_long_ones
 from orchard.calibrate.structure import orchard_of
@@ -241,3 +241,42 @@ def test_a_last_day_of_one_picker_is_no_test():
     assert why_untested(bins, [], 8) == (
         "the last day has one picker, and a harvest of the model 2 at least: no test"
     )
+
+
+def crew_log(pickers: int, rows: int = 0, bins: int = 8) -> list[BinTimes]:
+    """Return the bins of a day, ten minutes each, of pickers or else of rows: so many bins a row,
+    or a picker if there are no rows.
+    """
+    logged = []
+    for chain in range(max(pickers, rows)):
+        picker = f"P{chain % pickers}" if pickers else ""
+        row = str(chain + 1) if rows else ""
+        # The rows of a picker follow one another.
+        first = chain // pickers * bins if pickers else 0
+        for number in range(first, first + bins):
+            begin = 600.0 * (number + 1) + chain
+            fetched = begin + 30.0 + (7.0 * number + 11.0 * chain) % 60.0
+            logged.append(BinTimes(picker, row, "", date(2026, 4, 14), begin, fetched, None))
+    return logged
+
+
+@pytest.mark.parametrize(
+    ("pickers", "rows", "bins"),
+    [(5, 0, 8), (8, 0, 8), (0, 5, 18), (3, 6, 45), (2, 8, 2)],
+)
+def test_a_log_without_a_scenario_is_fitted(pickers, rows, bins):
+    logged = crew_log(pickers, rows, bins)
+    log = BinLog("log.csv", [], frozenset(), [])
+    orchard = orchard_of(log, logged, None)
+    assert orchard.is_assumed
+    fitted = fit(LoggedBins(logged, [], []), orchard.base, False, "log.csv", is_assumed=True)
+    assert fitted.picking.rate.low <= fitted.scenario.picking_rate <= fitted.picking.rate.high
+
+
+def test_a_scenario_that_does_not_do_is_asked_for_if_absent():
+    logged = LoggedBins(crew_log(3), [], [])
+    base = with_changes(Scenario(), pickers=5)
+    with pytest.raises(ScenarioError, match=r"this scenario has none; name your scenario: --on"):
+        fit(logged, base, False, "log.csv", is_assumed=True)
+    with pytest.raises(ScenarioError, match=r"this scenario has none$"):
+        fit(logged, base, False, "log.csv")

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from datetime import date, datetime
 from itertools import groupby, pairwise
 
-from orchard.calibrate.log_lines import EVENTS, BinLog, LogLine, whose
+from orchard.calibrate.log_lines import EVENTS, BinLog, LogLine, whose, whose_in_words
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import WorkShift
 from orchard.field.scenario.shift import minutes_of
@@ -170,8 +170,8 @@ class _BinBook:
                 self.on_their_way.append(_Carried(opened, line))
                 return
         text = (
-            f"fetched at {line.time.isoformat(' ')}, and no bin of {whose(line)} is full then"
-            f"{self._last_of(line)}; a bin must be full before it is fetched"
+            f"fetched at {line.time.isoformat(' ')}, and no bin of {whose_in_words(line)} is full"
+            f" then{self._last_of(line)}; a bin must be full before it is fetched"
         )
         self.problems.append(Problem(self.file, text, line=line.number))
 
@@ -192,8 +192,8 @@ class _BinBook:
             self.on_their_way.remove(unloaded)
             return
         text = (
-            f"unloaded at {line.time.isoformat(' ')}, and no bin of {whose(line)} is on its way"
-            f" then{self._last_of(line)}; a bin must be fetched before it is unloaded"
+            f"unloaded at {line.time.isoformat(' ')}, and no bin of {whose_in_words(line)} is on"
+            f" its way then{self._last_of(line)}; a bin must be fetched before it is unloaded"
         )
         self.problems.append(Problem(self.file, text, line=line.number))
 
@@ -216,17 +216,18 @@ class _BinBook:
         for opened in self.bins:
             line = opened.full
             name = whose(line)
+            shown = whose_in_words(line)
             place = f"{self.file}:{line.number}"
             if opened.is_overtaken and "fetched" in logged:
                 yield (
-                    f"{place}: this bin of {name} was not fetched before the next one was full: a"
+                    f"{place}: this bin of {shown} was not fetched before the next one was full: a"
                     " line with fetched is missing; its times are left out"
                 )
             is_on_its_way = opened.fetched is not None and opened.unloaded is None
             is_missing = opened.is_passed_over or opened is not newest[name]
             if is_on_its_way and is_missing and "unloaded" in logged:
                 yield (
-                    f"{place}: this bin of {name} was never unloaded: a line with unloaded is"
+                    f"{place}: this bin of {shown} was never unloaded: a line with unloaded is"
                     " missing; its drive is left out"
                 )
 

@@ -165,7 +165,9 @@ def _line_of(
         problems.append(Problem(file, text, "event", shown, number))
     names = {}
     for column in ("picker", "row", "carrier"):
-        names[column] = printable(values.get(column, ""), 40)
+        # Names that begin alike are not the same.
+        name = values.get(column, "")
+        names[column] = printable(name, len(name))
     of_bin = names["picker"] or names["row"]
     if not of_bin and (event != "unloaded" or not names["carrier"]):
         text = "has neither picker nor row; must say whose bin it is"
@@ -189,8 +191,13 @@ def _guess(word: str) -> str:
     return f"; did you mean {near[0]}?" if near else ""
 
 
-def whose(line: LogLine) -> str:
+def whose_in_words(line: LogLine) -> str:
     """Return whose bin a line is about, in words."""
+    return printable(whose(line))
+
+
+def whose(line: LogLine) -> str:
+    """Return whose bin a line is about: names that are not the same differ."""
     if line.picker:
         return line.picker
     return f"row {line.row}" if line.row else line.carrier
@@ -214,8 +221,9 @@ def _backwards(lines: Sequence[LogLine], file: str) -> Iterator[Problem]:
         key = (whose(line), line.event)
         before = latest.get(key)
         if before is not None and line.time < before.time:
+            latest_time = before.time.isoformat(" ")
             text = (
-                f"goes back: {whose(line)} has {line.event} at {before.time.isoformat(' ')} on"
+                f"goes back: {whose_in_words(line)} has {line.event} at {latest_time} on"
                 f" line {before.number}; times of one picker must go on from line to line"
             )
             yield Problem(file, text, "time", line.time.isoformat(" "), line.number)

@@ -17,6 +17,7 @@ import numpy as np
 
 from orchard.calibrate.bins import BinTimes, Silence
 from orchard.calibrate.estimates import FittedValue, estimate
+from orchard.field.problems import printable
 
 # Times of bins that are so many times as long as the median of their picker are left out.
 MOST_TIMES_THE_MEDIAN = 4.0
@@ -41,7 +42,7 @@ class BinInterval:
     @property
     def whose(self) -> str:
         """Whose bin it is, in words."""
-        return self.picker or f"row {self.row}"
+        return printable(self.picker or f"row {self.row}")
 
 
 def intervals_of(bins: Sequence[BinTimes], silences: Sequence[Silence] = ()) -> list[BinInterval]:
@@ -225,8 +226,9 @@ def fit_picking(times: PickingTimes, usual: PickingTimes, confidence: float) -> 
     """
     if len(times.factors) < LEAST_FACTORS:
         raise ValueError(
-            f"has {times.count} bins of which the picking time is known; must have some"
-            f" {2 * LEAST_FACTORS} at least, of pickers with several"
+            f"has {times.count} bins of which the picking time is known, in"
+            f" {len(times.factors)} rows of pickers with two rows or more; must have"
+            f" {LEAST_FACTORS} such rows at least (a bin without a row counts as one)"
         )
     rows_of_model = max(0.0, float(usual.rows_variance(usual.times)))
 

@@ -7,7 +7,7 @@ from datetime import date
 
 from orchard.calibrate.bins import BinTimes
 from orchard.calibrate.log_lines import BinLog
-from orchard.field.problems import Problem, ScenarioError
+from orchard.field.problems import Problem, ScenarioError, printable
 from orchard.field.scenario import Scenario, with_changes
 from orchard.field.survey import FEWEST_ROWS, MOST_ROWS
 
@@ -123,7 +123,7 @@ def _numbered(file: str, bins: Sequence[BinTimes], base: Scenario) -> list[BinTi
             number = int(match[1])
         if logged.row and (number is None or number > base.rows):
             text = f"must be a row of the scenario, 1 to {base.rows}"
-            problems.append(Problem(file, text, "row", logged.row, logged.line))
+            problems.append(Problem(file, text, "row", printable(logged.row), logged.line))
         numbered.append(replace(logged, row="" if number is None else str(number)))
     are_names = all(not logged.row for logged in numbered)
     if are_names:

@@ -7,6 +7,7 @@ from rich.table import Table
 from orchard.calibrate.estimates import FittedValue
 from orchard.calibrate.fit import Fit
 from orchard.calibrate.last_day import LastDay
+from orchard.field.problems import printable
 from orchard.field.scenario import to_short_yaml
 from orchard.terminal.output import table
 
@@ -45,7 +46,7 @@ def _cells(estimate: FittedValue, scale: float = 1.0) -> tuple[str, str]:
 def rates_sentence(fitted: Fit) -> str:
     """Return what each picker fills while it picks."""
     in_order = sorted(fitted.picking.rates.items(), key=lambda item: -item[1])
-    shares = [f"{name} {rate:.3g}" for name, rate in in_order]
+    shares = [f"{printable(name)} {rate:.3g}" for name, rate in in_order]
     return f"bins an hour of each while it picks: {', '.join(shares)}"
 
 

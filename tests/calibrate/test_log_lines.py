@@ -265,3 +265,17 @@ def test_a_time_that_another_zone_cannot_have_is_told(tmp_path):
     text = text.replace("2026-04-14T08:21:00+12:00", "9999-12-31T23:30:00-12:00")
     (fault,) = faults(tmp_path, text)
     assert fault.endswith("+12:00; write a time of the years 1 to 9999 with +12:00")
+
+
+def test_long_names_that_begin_alike_are_not_the_same(tmp_path):
+    team = "picker of the orchard Kaimai North of the team "
+    row = "https://farm.example/orchards/kaimai-north/"
+    text = GOOD.replace("Ana,3", f"{team}Ana,{row}3")
+    text += f"2026-04-14T08:25:00,full,{team}Ben,{row}4,\n"
+    bins = bins_of(read(tmp_path, text), WorkShift()).bins
+    assert {bin_.picker for bin_ in bins} == {f"{team}Ana", f"{team}Ben"}
+    assert {bin_.row for bin_ in bins} == {f"{row}3", f"{row}4"}
+    text += f"2026-04-14T08:26:00,full,{300 * 'x'},{row}4,\n"
+    text += f"2026-04-14T08:25:30,full,{300 * 'x'},{row}5,\n"
+    (fault,) = faults(tmp_path, text)
+    assert f"goes back: {197 * 'x'}... has full" in fault

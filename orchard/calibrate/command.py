@@ -20,7 +20,7 @@ from orchard.calibrate.words import (
     tested_sentences,
 )
 from orchard.discrete.harvest import Jam
-from orchard.field.problems import MOST_NAMED, Problem, ScenarioError
+from orchard.field.problems import MOST_NAMED, Problem, ScenarioError, printable
 from orchard.field.scenario import WorkShift
 from orchard.field.shipped import load_or_shipped
 from orchard.folders import write_whole
@@ -49,7 +49,7 @@ def _calibrate(chosen: CalibrationOptions) -> None:
     logged = bins_of(log, shift)
     if not logged.bins:
         raise ScenarioError([Problem(log.file, "has no full bin; must have lines with full")])
-    orchard = orchard_of(log, logged.bins, on)
+    orchard = orchard_of(log, logged.bins, on, printable(str(chosen.on)))
     logged = replace(logged, bins=orchard.bins)
     earlier, of_day = split_last_day(logged)
     days = len({of_log.day for of_log in logged.bins})

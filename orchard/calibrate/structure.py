@@ -1,7 +1,7 @@
 """What a log says of the orchard itself: how many pickers and carriers, and which rows."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 
@@ -35,14 +35,17 @@ class LogOrchard:
     notes: list[str]
 
 
-def orchard_of(log: BinLog, bins: Sequence[BinTimes], on: Scenario | None) -> LogOrchard:
+def orchard_of(
+    log: BinLog, bins: Sequence[BinTimes], on: Scenario | None, on_file: str = ""
+) -> LogOrchard:
     """Return the orchard of a log. `on`: the scenario that the user has; None: there is none.
+    `on_file`: where it stands.
 
     Raises ScenarioError for rows and numbers that the scenario cannot have.
     """
     notes: list[str] = []
     changes: dict[str, object] = {}
-    base = Scenario() if on is None else on
+    base = Scenario() if on is None else _without_rates(on, notes)
     rows = {logged.row for logged in bins if logged.row}
     if on is None:
         changes |= _rows_of_the_log(bins, rows, notes)
@@ -58,11 +61,7 @@ def orchard_of(log: BinLog, bins: Sequence[BinTimes], on: Scenario | None) -> Lo
         changes["carriers"] = carriers
     else:
         notes.append(f"the log names no carriers: {base.carrier_count} are assumed")
-    try:
-        base = with_changes(base, **changes)
-    except ScenarioError as error:
-        problems = [replace(problem, file=log.file) for problem in error.problems]
-        raise ScenarioError(problems) from None
+    base = _changed(base, changes, log.file, on_file)
     if on is None or not rows:
         return LogOrchard(base, list(bins), False, on is None, notes)
     numbered = _numbered(log.file, bins, base)
@@ -70,6 +69,31 @@ def orchard_of(log: BinLog, bins: Sequence[BinTimes], on: Scenario | None) -> Lo
         notes.append("rows of the log have names, and those of the scenario numbers")
         return LogOrchard(base, list(bins), False, False, notes)
     return LogOrchard(base, numbered, True, False, notes)
+
+
+def _without_rates(on: Scenario, notes: list[str]) -> Scenario:
+    """Return a scenario without rates of its pickers, which may be more than those of the log."""
+    if not on.picker_rates:
+        return on
+    notes.append("picker_rates of the scenario are left out: the log tells them")
+    return on.model_copy(update={"picker_rates": {}})
+
+
+def _changed(
+    base: Scenario, changes: Mapping[str, object], log_file: str, on_file: str
+) -> Scenario:
+    """Return a scenario as the log says. Raises ScenarioError, which names the log where a value of
+    the log is at fault, and else the scenario's file.
+    """
+    try:
+        return with_changes(base, **changes)
+    except ScenarioError as error:
+        problems = []
+        for problem in error.problems:
+            keys = {path.split(".")[0] for path in problem.path.split(", ")}
+            is_of_log = not on_file or bool(keys & changes.keys())
+            problems.append(replace(problem, file=log_file if is_of_log else on_file))
+        raise ScenarioError(problems) from None
 
 
 def _most_a_day(bins: Sequence[BinTimes], column: str) -> int:

@@ -281,3 +281,22 @@ def test_a_scenario_that_does_not_do_is_asked_for_if_absent():
         fit(logged, base, False, "log.csv", is_assumed=True)
     with pytest.raises(ScenarioError, match=r"this scenario has none$"):
         fit(logged, base, False, "log.csv")
+
+
+def test_a_scenario_may_have_rates_of_more_pickers():
+    log = BinLog("log.csv", [], frozenset(), [])
+    on = with_changes(KNOWN, pickers=5, picker_rates={"picker_05": 0.5})
+    orchard = orchard_of(log, crew_log(3), on, "mine.yaml")
+    assert (orchard.base.pickers, orchard.base.picker_rates) == (3, {})
+    assert "picker_rates of the scenario are left out: the log tells them" in orchard.notes
+
+
+def test_a_fault_of_the_scenario_is_told_with_its_file():
+    log = BinLog("log.csv", [], frozenset(), [])
+    too_long = KNOWN.model_copy(update={"row_length": 900.0})
+    with pytest.raises(ScenarioError) as caught:
+        orchard_of(log, crew_log(3), too_long, "mine.yaml")
+    assert {problem.file for problem in caught.value.problems} == {"mine.yaml"}
+    with pytest.raises(ScenarioError) as caught:
+        orchard_of(log, crew_log(30), KNOWN, "mine.yaml")
+    assert {problem.file for problem in caught.value.problems} == {"log.csv"}

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from datetime import date, datetime
 from itertools import groupby, pairwise
 
+from orchard.calibrate.clock import clock_problems
 from orchard.calibrate.log_lines import EVENTS, BinLog, LogLine, whose, whose_in_words
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import WorkShift
@@ -85,9 +86,13 @@ class _OpenBin:
 def bins_of(log: BinLog, shift: WorkShift) -> LoggedBins:
     """Return the bins of a log. `shift`: its breaks are no working time.
 
-    Raises ScenarioError for events that cannot be, such as a bin that is fetched before it is full.
+    Raises ScenarioError for events that cannot be, such as a bin that is fetched before it is full,
+    and for times of another clock.
     """
     in_order = sorted(log.lines, key=lambda line: (line.time, EVENTS.index(line.event)))
+    of_other_clock = list(clock_problems(in_order, shift, log.file))
+    if of_other_clock:
+        raise ScenarioError(of_other_clock)
     book = _BinBook(log.file)
     for line in in_order:
         book.take(line)

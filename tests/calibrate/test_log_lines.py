@@ -279,3 +279,21 @@ def test_long_names_that_begin_alike_are_not_the_same(tmp_path):
     text += f"2026-04-14T08:25:30,full,{300 * 'x'},{row}5,\n"
     (fault,) = faults(tmp_path, text)
     assert f"goes back: {197 * 'x'}... has full" in fault
+
+
+def test_times_outside_the_working_day_are_refused(tmp_path):
+    log = read(tmp_path, GOOD.replace("T07:", "T19:").replace("T08:", "T20:"))
+    with pytest.raises(ScenarioError) as caught:
+        bins_of(log, DAY)
+    assert str(caught.value) == (
+        f"{log.file}:2: 5 of 5 lines, this one first, lie outside the working day of the scenario,"
+        " 07:00 to 16:00 (shift); write the times of the orchard's own clock, not of UTC"
+    )
+
+
+def test_work_that_goes_on_over_midnight_is_refused(tmp_path):
+    text = GOOD.replace("14T07:", "13T23:").replace("14T08:", "14T00:")
+    assert faults(tmp_path, text) == [
+        "5: work goes on over midnight, from 2026-04-13 23:50:30 (line 4) to 2026-04-14 00:20:00;"
+        " a day's work must lie in one day: write the times of the orchard's own clock, not of UTC"
+    ]

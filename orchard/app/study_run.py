@@ -63,8 +63,12 @@ class StudySettings:
         return self.problem
 
     def _problem_of_deadline(self) -> str:
-        if self.dispatch or self.route:
+        problem = self._problem_of_number()
+        if not problem and (self.dispatch or self.route):
             return ONLY_FLEETS
+        return problem
+
+    def _problem_of_number(self) -> str:
         if self.deadline_unit == "h":
             return number_problem(self.deadline, HOURS, " hours")
         if not isinstance(number_of(self.deadline), int):

@@ -394,6 +394,8 @@ def test_a_study_is_asked_grows_answers_and_leads_to_a_run(browser):
     assert (
         "with predictive" in page.view("answer").text and "long run" not in page.view("answer").text
     )
+    page.pick("study-dispatch", "predictive")  # no more, for the tests that come
+    page.escape()
 
 
 def test_a_deadline_is_entered_and_the_fleet_is_told(browser):

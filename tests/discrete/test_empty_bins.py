@@ -23,7 +23,6 @@ from orchard.report.bounds import Bounds
 from orchard.report.metrics import HarvestFigures, harvest_figures
 from orchard.sim import stock
 from orchard.sim.frames import FrameBuilder
-from orchard.study.words import orchard_words
 from orchard.wire.codec import frame_of, picture_of
 
 SMALL: dict[str, Any] = NOBODY | {
@@ -232,11 +231,6 @@ def test_truck_and_empty_bins_limit_the_rate() -> None:
     assert fewer.terms["trailers"] == pytest.approx(2 / (150.0 + 5.0))
     enough = Bounds(with_load_out(TRAILERS | {"empty_bins": 4}))
     assert enough.terms["trailers"] == pytest.approx(4 / (150.0 + 10.0))
-
-
-def test_the_answer_says_when_the_truck_comes() -> None:
-    words = orchard_words(Scenario.model_validate({"load_out": TRUCK}))
-    assert "a truck every 300 s, 2 bins on it, 2 empty bins at the bay" in words
 
 
 def test_a_run_goes_on_equally_while_bins_wait() -> None:

@@ -16,3 +16,9 @@ def test_the_answer_says_how_long_carriers_are_away() -> None:
         Scenario.model_validate({"load_out": trailers})
     )
     assert "load-out" not in orchard_words(Scenario())
+
+
+def test_the_answer_says_when_the_truck_comes() -> None:
+    truck = {"truck": {"every": 300.0, "bins": 2}, "empty_bins": 2}
+    words = orchard_words(Scenario.model_validate({"load_out": truck}))
+    assert "a truck every 300 s, 2 bins on it, 2 empty bins at the bay" in words

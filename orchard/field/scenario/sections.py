@@ -290,8 +290,8 @@ class Truck(Section):
 
 
 EMPTY_BINS = (
-    "number of empty bins at the bay when the harvest begins, beside those of pickers and carriers;"
-    " a trailer or the truck brings as many back as it took; null: endless"
+    "number of empty bins at the bay at first, beside those of the robots; a trailer or the truck"
+    " brings as many back as it took; null: endless"
 )
 
 

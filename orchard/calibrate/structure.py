@@ -1,9 +1,11 @@
 """What a log says of the orchard itself: how many pickers and carriers, and which rows."""
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
+from statistics import fmean
 
 from orchard.calibrate.bins import BinTimes
 from orchard.calibrate.log_lines import BinLog
@@ -117,8 +119,8 @@ def _rows_of_the_log(
     in_the_log = ""
     if len(rows) >= FEWEST_ROWS:
         count = min(MOST_ROWS, max(len(rows), pickers))
-        mean = sum(1 for logged in bins if logged.row) / len(rows)
-        in_the_log = f"; {len(rows)} rows of {mean:.3g} bins are in the log"
+        mean = fmean(_most_bins_a_day(bins).values())
+        in_the_log = f"; {len(rows)} rows of {mean:.3g} bins a day are in the log"
         has_many_rows = pickers > 0 and count >= LEAST_ROWS_A_PICKER * pickers
         least = 1.0 if has_many_rows else LEAST_BINS_A_ROW
         bins_per_row = round(min(MOST_BINS_A_ROW, max(least, mean)), 1)
@@ -128,6 +130,18 @@ def _rows_of_the_log(
         f" are assumed{in_the_log}"
     )
     return {"rows": count, "row_length": length, "bins_per_row": bins_per_row}
+
+
+def _most_bins_a_day(bins: Sequence[BinTimes]) -> dict[str, int]:
+    """Return how many bins of each row are full on one day at most.
+
+    A row that is picked on several days is picked again, or its log has several blocks in it.
+    """
+    of_days = Counter((logged.row, logged.day) for logged in bins if logged.row)
+    most: dict[str, int] = {}
+    for (row, _), count in of_days.items():
+        most[row] = max(count, most.get(row, 0))
+    return most
 
 
 def _numbered(file: str, bins: Sequence[BinTimes], base: Scenario) -> list[BinTimes] | None:

@@ -300,3 +300,12 @@ def test_a_fault_of_the_scenario_is_told_with_its_file():
     with pytest.raises(ScenarioError) as caught:
         orchard_of(log, crew_log(30), KNOWN, "mine.yaml")
     assert {problem.file for problem in caught.value.problems} == {"log.csv"}
+
+
+def test_rows_that_are_picked_each_day_are_no_longer_for_it():
+    bins = []
+    for day in range(14, 26):
+        for bin_ in crew_log(3, rows=6, bins=5):
+            bins.append(replace(bin_, day=date(2026, 4, day)))
+    base = orchard_of(BinLog("log.csv", [], frozenset(), []), bins, None).base
+    assert (base.rows, base.row_length, base.bins_per_row) == (6, 70.0, 5.0)

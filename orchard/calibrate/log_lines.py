@@ -76,6 +76,13 @@ def read_log(path: Path) -> BinLog:
     problems: list[Problem] = []
     drafts: list[tuple[LogLine, LogTime]] = []
     for number, cells in cells_of.items():
+        if any(cell.strip() for cell in cells[len(names) :]):
+            text = (
+                f"has {len(cells)} cells below {len(names)} names; a cell with a separator in it"
+                ' must stand in quotes: "Ana, team 2"'
+            )
+            problems.append(Problem(file, text, line=number))
+            continue
         values = {
             column: cells[place].strip() for column, place in places.items() if place < len(cells)
         }

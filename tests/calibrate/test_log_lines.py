@@ -297,3 +297,12 @@ def test_work_that_goes_on_over_midnight_is_refused(tmp_path):
         "5: work goes on over midnight, from 2026-04-13 23:50:30 (line 4) to 2026-04-14 00:20:00;"
         " a day's work must lie in one day: write the times of the orchard's own clock, not of UTC"
     ]
+
+
+def test_a_line_of_more_cells_than_names_is_told(tmp_path):
+    text = changed(2, "2026-04-14T07:40:00,full,Kaimai, team Ana,3,T1")
+    assert faults(tmp_path, text) == [
+        "2: has 6 cells below 5 names; a cell with a separator in it must stand in quotes:"
+        ' "Ana, team 2"'
+    ]
+    assert faults(tmp_path, changed(2, "2026-04-14T07:40:00,full,Ana,3,T1,,")) == []

@@ -375,10 +375,6 @@ CALL = np.dtype(
         ("failed", np.int64),
         ("stood_since", np.int64),
         ("stood_until", np.int64),
-        # A tick from which it reports each CALL_AGAIN ticks, and one from which it does not: its
-        # picker has picked the row, and the bin does not know that it stands full until it is left.
-        ("reports_from", np.int64),
-        ("silent_since", np.int64),
         # Whether it has been reported to the dispatcher, and whether it still waits there.
         ("is_reported", np.bool_),
         ("is_open", np.bool_),

@@ -90,7 +90,6 @@ def _initial(
     calls.bin = c.NONE
     calls.carrier = c.NONE
     calls.failed = c.NONE
-    calls.silent_since = c.NONE
     calls.measured = c.NONE
     calls.stood_until = c.NONE
     timers = np.full((c.EVENTS, count), c.NEVER)

@@ -29,10 +29,6 @@ CELLS: dict[str, dict[str, Any]] = {
         **{"rows": 8, "pickers": 7, "carriers": 2, "row_length": 24.0, "picking_speed": 0.5},
         **{"dispatch": "predictive-farthest", "picking": SPREAD, "seed": 4},
     },
-    "bins that do not report while their pickers leave the rows": {
-        **{"rows": 4, "pickers": 2, "carriers": 2, "row_length": 24.0},
-        **{"dispatch": "rolling", "route": "one-way"},
-    },
 }
 # Six carriers move up in a line behind one that turns.
 TURNING: dict[str, Any] = {

@@ -123,14 +123,9 @@ class CallsOfBins:
             # It has not called yet, or has paused: it had thought that its picker would be faster.
             call.is_reported = False
             call.since = max(self._tick, calls_at)
-            call.reports_from = call.since
             self._model.timers[c.REPORT, picker.number] = c.QUARTERS * call.since
-            return
-        ended = self._last_op(picker, c.END_ROW)
-        if ended is not None and ended > begun:
-            # It reports again when it is left.
-            call.silent_since = memory.asked + 1
-        self._go_on_calling(picker, self._harvest.bin_names[picker.bin], memory)
+        else:
+            self._go_on_calling(picker, self._harvest.bin_names[picker.bin], memory)
 
     def _begin_call(self, picker: Doing, number: int, drive: Any) -> BinMemory:
         """Set the call of a bin that is left after a pass. Return the bin's memory."""
@@ -139,12 +134,10 @@ class CallsOfBins:
         call.bin = number
         call.end = drive.end
         call.failed = c.NONE
-        call.silent_since = c.NONE
         call.is_reported = memory.since >= 0
         # A bin that has paused, because it was to be full later than it had thought, reports in
         # another rhythm than that of its first report.
         call.since = memory.since + (memory.asked - memory.since) % CALL_AGAIN
-        call.reports_from = call.since
         return memory
 
     def _last_op(self, picker: Doing, kind: int) -> int | None:
@@ -255,8 +248,6 @@ class CallsOfBins:
             is_on_its_way = memory.asked == self._tick - 1
             asks = memory.asked if is_on_its_way else memory.asked + CALL_AGAIN
             self._order(picker, booking.carrier, asks + HEARD + ORDERED)
-            if call.silent_since != c.NONE and not is_on_its_way:
-                self._model.timers[c.ORDER, picker.number] = c.NEVER
 
     def _is_over(self, booking: Booking) -> bool:
         """Whether a carrier that was booked for a bin has come, and the bin calls anew."""

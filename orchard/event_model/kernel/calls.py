@@ -107,8 +107,6 @@ def see_row(m, picker):
     call.stood_until = c.NONE
     if not call.is_reported:
         call.since = max(seen, ceil(full - m.desk[0].horizon / TIME_STEP))
-        call.reports_from = call.since
-        call.silent_since = c.NONE
         m.timers[c.REPORT, picker] = c.QUARTERS * call.since
 
 
@@ -160,13 +158,10 @@ def call_carriers(m, picker, end):
     tick = tick_of(m)
     call = m.calls[picker]
     if is_early(m):
-        report_again(m, picker)
         return
     call.bin = me.full_bin
     call.end = end
     call.since = tick
-    call.reports_from = tick
-    call.silent_since = c.NONE
     call.full = tick
     call.measured = c.NONE
     call.stood_until = c.NONE
@@ -176,55 +171,6 @@ def call_carriers(m, picker, end):
         m.timers[c.CALL_HEARD, picker] = c.QUARTERS * (tick + 1)
     else:
         open_call(m, picker)
-
-
-# -- when a bin reports to the dispatcher
-
-
-@inner
-def fall_silent(m, picker):
-    """Let a bin report no longer whose picker drives out of the row that it has picked.
-
-    The bin takes its picker for one that drives past fruit, until it is left: as
-    `orchard.plans.forecast.Forecast.of`.
-    """
-    call = m.calls[picker]
-    if not is_early(m) or call.bin != m.robots[picker].bin:
-        return
-    call.silent_since = tick_of(m) + 1
-    ordered = m.timers[c.ORDER, picker]
-    if ordered != c.NEVER and ordered // c.QUARTERS - ORDERED - HEARD > tick_of(m):
-        m.timers[c.ORDER, picker] = c.NEVER
-
-
-@inner
-def report_again(m, picker):
-    """Let a bin that is left report, if it should have done so before."""
-    call = m.calls[picker]
-    tick = tick_of(m)
-    if last_report(m, picker, tick) + CALL_AGAIN < tick:
-        call.reports_from = tick
-    call.silent_since = c.NONE
-    if call.is_booked and m.timers[c.ORDER, picker] == c.NEVER:
-        plan_order(m, picker, tick)
-
-
-@inner
-def last_report(m, picker, tick):
-    """Return the tick of a bin's last report up to a tick."""
-    call = m.calls[picker]
-    if call.silent_since != c.NONE:
-        tick = min(tick, call.silent_since - 1)
-    return call.reports_from + CALL_AGAIN * ((tick - call.reports_from) // CALL_AGAIN)
-
-
-@inner
-def plan_order(m, picker, tick):
-    """Let the carrier of a bin be sent once the bin has reported, at a tick or after it."""
-    call = m.calls[picker]
-    report = last_report(m, picker, tick - 1) + CALL_AGAIN
-    if call.silent_since == c.NONE or report < call.silent_since:
-        m.timers[c.ORDER, picker] = c.QUARTERS * (report + HEARD + ORDERED)
 
 
 # -- calls that ask all carriers
@@ -492,7 +438,8 @@ def seconds_to_full(m, picker, tick):
 
     It has the bin's last report, and takes that for new when it hears it.
     """
-    reported = last_report(m, picker, tick - REPORTED)
+    call = m.calls[picker]
+    reported = call.since + CALL_AGAIN * ((tick - REPORTED - call.since) // CALL_AGAIN)
     left = max(0.0, ticks_left(m, picker, reported))
     return max(0.0, (left - (tick - REPORTED - reported)) * TIME_STEP)
 
@@ -595,7 +542,9 @@ def order(m, carrier, picker, tick):
     call.carrier = carrier
     m.robots[carrier].is_ready = False
     m.robots[carrier].is_booked = True
-    plan_order(m, picker, tick)
+    waited = tick - call.since
+    report = call.since + CALL_AGAIN * (-(-waited // CALL_AGAIN))
+    m.timers[c.ORDER, picker] = c.QUARTERS * (report + HEARD + ORDERED)
 
 
 @inner

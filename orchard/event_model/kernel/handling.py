@@ -2,7 +2,7 @@
 
 from orchard.event_model import columns as c
 from orchard.event_model.kernel.batteries import end_trip, use_battery
-from orchard.event_model.kernel.calls import call_carriers, fall_silent
+from orchard.event_model.kernel.calls import call_carriers
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.motion import set_alarm
 from orchard.event_model.kernel.places import (
@@ -89,8 +89,6 @@ def note_full(m, picker):
     """Note at the end of a pass that the bin is full, if it is left there."""
     me = m.robots[picker]
     drive = m.passes[m.ops[me.op].arg]
-    if drive.leaves_bin:
-        fall_silent(m, picker)
     if drive.leaves_bin and drive.is_full:
         me.full_since = tick_of(m)
 

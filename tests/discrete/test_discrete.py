@@ -331,7 +331,7 @@ def test_a_harvest_with_a_carrier_flat_before_home_is_not_over() -> None:
             carriers=1,
             seed=27,
             route="one-way",
-            carrying={"battery": {"hours": 0.19, "reserve": 0.3}},
+            carrying={"battery": {"hours": 0.205, "reserve": 0.3}},
         )
     )
     harvest = DiscreteHarvest(layout).run()

@@ -22,7 +22,7 @@ TIMES_THE_MEAN = 10.0
 
 
 @dataclass(frozen=True)
-class BinTimes:
+class LoggedBin:
     """A bin, in a log or in a model. Times are working seconds of its day; None: not known."""
 
     picker: str
@@ -38,7 +38,7 @@ class BinTimes:
 
     @property
     def chain(self) -> str:
-        """Who fills one bin after another: its picker, or else its row."""
+        """What fills one bin after another: its picker, or else its row."""
         return self.picker or f"row {self.row}"
 
 
@@ -58,7 +58,7 @@ class LoggedBins:
     `gaps`: what is told of lines that are missing.
     """
 
-    bins: list[BinTimes]
+    bins: list[LoggedBin]
     silences: list[Silence]
     gaps: list[str]
 
@@ -109,7 +109,7 @@ def bins_of(log: BinLog, shift: WorkShift) -> LoggedBins:
     return LoggedBins(bins, silences, gaps)
 
 
-def _times_of(opened: _OpenBin, shift: WorkShift) -> BinTimes:
+def _times_of(opened: _OpenBin, shift: WorkShift) -> LoggedBin:
     """Return the times of a bin."""
     full = opened.full
     times = {}
@@ -117,7 +117,7 @@ def _times_of(opened: _OpenBin, shift: WorkShift) -> BinTimes:
         is_same_day = line is not None and line.time.date() == full.time.date()
         times[name] = worked_seconds(line.time, shift) if line and is_same_day else None
     carrier = opened.fetched.carrier if opened.fetched is not None else ""
-    return BinTimes(
+    return LoggedBin(
         picker=full.picker,
         row=full.row,
         carrier=carrier,

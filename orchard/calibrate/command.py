@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from rich.progress import TextColumn
 
-from orchard.calibrate.bins import BinTimes, bins_of
+from orchard.calibrate.bins import LoggedBin, bins_of
 from orchard.calibrate.fit import fit
 from orchard.calibrate.last_day import RUNS, check_on_day, split_last_day, why_untested
 from orchard.calibrate.log_lines import BinLog, read_log
@@ -82,7 +82,7 @@ def _calibrate(chosen: CalibrationOptions) -> None:
         print_line(f"{chosen.out}: orchard study {chosen.out} asks it")
 
 
-def _heading(log: BinLog, bins: Sequence[BinTimes], days: int) -> str:
+def _heading(log: BinLog, bins: Sequence[LoggedBin], days: int) -> str:
     """Return what the log holds, in words."""
     words = f"{log.file}: {len(bins)} bins of {days} days"
     return words if days > 1 else f"{log.file}: {len(bins)} bins of one day"

@@ -11,7 +11,7 @@ from statistics import median
 
 import numpy as np
 
-from orchard.calibrate.bins import BinTimes, Silence
+from orchard.calibrate.bins import LoggedBin, Silence
 from orchard.calibrate.estimates import FittedValue, estimate
 from orchard.calibrate.picking import MOST_TIMES_THE_MEDIAN, is_silent
 
@@ -36,7 +36,7 @@ class BinDrives:
 
 
 def drives_of(
-    bins: Sequence[BinTimes],
+    bins: Sequence[LoggedBin],
     metres_of: Mapping[str, float],
     silences: Sequence[Silence] = (),
     file: str = "",

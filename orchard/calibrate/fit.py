@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from orchard.calibrate.bins import BinTimes, LoggedBins
+from orchard.calibrate.bins import LoggedBin, LoggedBins
 from orchard.calibrate.driving import BinDrives, DrivingFit, drives_of, fit_driving
 from orchard.calibrate.model_bins import metres_to_bay, model_bins
 from orchard.calibrate.picking import (
@@ -152,7 +152,7 @@ def _fit_picking(
         raise ScenarioError([Problem(file, str(error))]) from None
 
 
-def _named_as_in(intervals: Sequence[BinInterval], bins: Sequence[BinTimes]) -> list[BinTimes]:
+def _named_as_in(intervals: Sequence[BinInterval], bins: Sequence[LoggedBin]) -> list[LoggedBin]:
     """Return the bins of a model without pickers, if a log names none, so that both are alike."""
     if any(interval.picker for interval in intervals):
         return list(bins)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import t as students_t
 
-from orchard.calibrate.bins import BinTimes, LoggedBins, Silence
+from orchard.calibrate.bins import LoggedBin, LoggedBins, Silence
 from orchard.calibrate.estimates import RESAMPLES, SEED
 from orchard.calibrate.fit import ALIKE, Fit, driving_values
 from orchard.calibrate.model_bins import first_model_bins
@@ -52,7 +52,7 @@ class LastDay:
         return self.low <= self.logged <= self.high
 
 
-def split_last_day(logged: LoggedBins) -> tuple[LoggedBins, list[BinTimes]]:
+def split_last_day(logged: LoggedBins) -> tuple[LoggedBins, list[LoggedBin]]:
     """Return the log without its last day, and the bins of that day; [] if there is one day."""
     last = max(of_log.day for of_log in logged.bins)
     before = [of_log for of_log in logged.bins if of_log.day < last]
@@ -62,7 +62,7 @@ def split_last_day(logged: LoggedBins) -> tuple[LoggedBins, list[BinTimes]]:
     return LoggedBins(before, logged.silences, logged.gaps), of_day
 
 
-def rate_of(bins: Sequence[BinTimes], silences: Sequence[Silence] = ()) -> float:
+def rate_of(bins: Sequence[LoggedBin], silences: Sequence[Silence] = ()) -> float:
     """Return the bins an hour of a day, from its first full bin to its last one.
 
     `logged_seconds` of them must be more than none.
@@ -70,7 +70,7 @@ def rate_of(bins: Sequence[BinTimes], silences: Sequence[Silence] = ()) -> float
     return 3600.0 * (len(bins) - 1) / logged_seconds(bins, silences)
 
 
-def logged_seconds(bins: Sequence[BinTimes], silences: Sequence[Silence] = ()) -> float:
+def logged_seconds(bins: Sequence[LoggedBin], silences: Sequence[Silence] = ()) -> float:
     """Return the time from the first full bin of a day to its last one, without silences, s."""
     times = [of_log.full for of_log in bins]
     begin = min(times)
@@ -82,7 +82,7 @@ def logged_seconds(bins: Sequence[BinTimes], silences: Sequence[Silence] = ()) -
     return end - begin - silent
 
 
-def why_untested(of_day: Sequence[BinTimes], silences: Sequence[Silence], usual: int) -> str:
+def why_untested(of_day: Sequence[LoggedBin], silences: Sequence[Silence], usual: int) -> str:
     """Return why a day is no test of a fit, or "". `usual`: pickers, if the log names none."""
     if not of_day:
         return "the log has one day, so nothing is left to test the fit on; a second day would do"
@@ -97,14 +97,14 @@ def why_untested(of_day: Sequence[BinTimes], silences: Sequence[Silence], usual:
     return ""
 
 
-def _pickers_of(of_day: Sequence[BinTimes]) -> list[str]:
+def _pickers_of(of_day: Sequence[LoggedBin]) -> list[str]:
     """Return the names of a day's pickers in order."""
     return sorted({of_log.picker for of_log in of_day if of_log.picker})
 
 
 def check_on_day(
     fitted: Fit,
-    of_day: Sequence[BinTimes],
+    of_day: Sequence[LoggedBin],
     silences: Sequence[Silence],
     confidence: float,
     tell: Callable[[int], None],

@@ -13,7 +13,7 @@ from statistics import fmean
 
 import numpy as np
 
-from orchard.calibrate.bins import BinTimes
+from orchard.calibrate.bins import LoggedBin
 from orchard.discrete.harvest import Jam, picked_again
 from orchard.event_model import columns as c
 from orchard.event_model.harvest import EventHarvest
@@ -28,7 +28,7 @@ from orchard.plans.steps import DriveTo, TakeBin, Unload
 DAY = date(2000, 1, 1)
 
 
-def model_bins(scenario: Scenario) -> list[BinTimes]:
+def model_bins(scenario: Scenario) -> list[LoggedBin]:
     """Return the bins of a harvest in the order in which they are full.
 
     A bin that is part full at the end counts for nothing. Raises Jam if the harvest does not end,
@@ -40,7 +40,7 @@ def model_bins(scenario: Scenario) -> list[BinTimes]:
     return _bins_of(harvest)
 
 
-def first_model_bins(scenario: Scenario, count: int) -> list[BinTimes]:
+def first_model_bins(scenario: Scenario, count: int) -> list[LoggedBin]:
     """Return so many bins, in the order in which they are full, of pickers that pick their rows
     again and again. Raises as `model_bins` does.
     """
@@ -64,7 +64,7 @@ def jam_of(harvest: EventHarvest) -> Jam:
     )
 
 
-def _bins_of(harvest: EventHarvest) -> list[BinTimes]:
+def _bins_of(harvest: EventHarvest) -> list[LoggedBin]:
     """Return the bins that are full so far, in the order in which they were."""
     trips_of: dict[int, list[_Trip]] = {}
     for trip in sorted(_trips(harvest), key=lambda trip: trip.fetched):
@@ -75,7 +75,7 @@ def _bins_of(harvest: EventHarvest) -> list[BinTimes]:
         later = [trip for trip in trips_of.get(row, []) if trip.fetched > tick]
         trip = later[0] if later else _Trip(row)
         bins.append(
-            BinTimes(
+            LoggedBin(
                 picker=picker,
                 row=str(row),
                 carrier=trip.carrier,

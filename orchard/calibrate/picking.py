@@ -15,7 +15,7 @@ from statistics import fmean, median
 
 import numpy as np
 
-from orchard.calibrate.bins import BinTimes, Silence
+from orchard.calibrate.bins import LoggedBin, Silence
 from orchard.calibrate.estimates import FittedValue, estimate
 from orchard.field.problems import printable
 
@@ -45,9 +45,9 @@ class BinInterval:
         return printable(self.picker or f"row {self.row}")
 
 
-def intervals_of(bins: Sequence[BinTimes], silences: Sequence[Silence] = ()) -> list[BinInterval]:
+def intervals_of(bins: Sequence[LoggedBin], silences: Sequence[Silence] = ()) -> list[BinInterval]:
     """Return the times between bins of one picker and day. Over a silence there is none."""
-    chains: dict[tuple[str, object], list[BinTimes]] = {}
+    chains: dict[tuple[str, object], list[LoggedBin]] = {}
     for logged in bins:
         chains.setdefault((logged.chain, logged.day), []).append(logged)
     intervals = []

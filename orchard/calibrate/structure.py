@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from datetime import date
 from statistics import fmean
 
-from orchard.calibrate.bins import BinTimes
+from orchard.calibrate.bins import LoggedBin
 from orchard.calibrate.log_lines import BinLog
 from orchard.field.problems import Problem, ScenarioError, printable
 from orchard.field.scenario import Scenario, with_changes
@@ -31,14 +31,14 @@ class LogOrchard:
     """
 
     base: Scenario
-    bins: list[BinTimes]
+    bins: list[LoggedBin]
     has_rows: bool
     is_assumed: bool
     notes: list[str]
 
 
 def orchard_of(
-    log: BinLog, bins: Sequence[BinTimes], on: Scenario | None, on_file: str = ""
+    log: BinLog, bins: Sequence[LoggedBin], on: Scenario | None, on_file: str = ""
 ) -> LogOrchard:
     """Return the orchard of a log. `on`: the scenario that the user has; None: there is none.
     `on_file`: where it stands.
@@ -98,7 +98,7 @@ def _changed(
         raise ScenarioError(problems) from None
 
 
-def _most_a_day(bins: Sequence[BinTimes], column: str) -> int:
+def _most_a_day(bins: Sequence[LoggedBin], column: str) -> int:
     """Return how many pickers or carriers work on one day at most; 0 if they have no names."""
     of_days: dict[date, set[str]] = {}
     for logged in bins:
@@ -109,7 +109,7 @@ def _most_a_day(bins: Sequence[BinTimes], column: str) -> int:
 
 
 def _rows_of_the_log(
-    bins: Sequence[BinTimes], rows: set[str], notes: list[str]
+    bins: Sequence[LoggedBin], rows: set[str], notes: list[str]
 ) -> dict[str, object]:
     """Return what a log says of rows, where no scenario does. `rows`: their names."""
     usual = Scenario()
@@ -132,7 +132,7 @@ def _rows_of_the_log(
     return {"rows": count, "row_length": length, "bins_per_row": bins_per_row}
 
 
-def _most_bins_a_day(bins: Sequence[BinTimes]) -> dict[str, int]:
+def _most_bins_a_day(bins: Sequence[LoggedBin]) -> dict[str, int]:
     """Return how many bins of each row are full on one day at most.
 
     A row that is picked on several days is picked again, or its log has several blocks in it.
@@ -144,7 +144,7 @@ def _most_bins_a_day(bins: Sequence[BinTimes]) -> dict[str, int]:
     return most
 
 
-def _numbered(file: str, bins: Sequence[BinTimes], base: Scenario) -> list[BinTimes] | None:
+def _numbered(file: str, bins: Sequence[LoggedBin], base: Scenario) -> list[LoggedBin] | None:
     """Return the bins with the rows' numbers of the scenario; None if rows have other names.
 
     Raises ScenarioError for some rows that the scenario does not have.

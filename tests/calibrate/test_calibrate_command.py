@@ -8,7 +8,7 @@ from code_blocks import block, commands
 from command_line import orchard
 from made_logs import log_text
 
-from orchard.calibrate.bins import BinTimes
+from orchard.calibrate.bins import LoggedBin
 from orchard.calibrate.model_bins import model_bins
 from orchard.field.scenario import Scenario, load, to_short_yaml, with_changes
 
@@ -35,7 +35,7 @@ def folder(tmp_path_factory) -> Path:
     for day in range(2):
         for bin_ in model_bins(with_changes(truth, seed=day + 1)):
             moved = bin_.day + timedelta(days=day)
-            bins.append(BinTimes(**vars(bin_) | {"day": moved}))
+            bins.append(LoggedBin(**vars(bin_) | {"day": moved}))
     (made / "log.csv").write_text(log_text(bins))
     (made / "rent.yaml").write_text(to_short_yaml(BASE))
     return made

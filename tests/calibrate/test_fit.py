@@ -9,7 +9,7 @@ import pytest
 from made_logs import log_text, simulated_bins
 from scipy.stats import t as students_t
 
-from orchard.calibrate.bins import BinTimes, LoggedBins, Silence, bins_of
+from orchard.calibrate.bins import LoggedBin, LoggedBins, Silence, bins_of
 from orchard.calibrate.driving import BinDrives, drives_of, fit_driving
 from orchard.calibrate.fit import fit
 from orchard.calibrate.last_day import RUNS, check_on_day, rate_of, split_last_day, why_untested
@@ -32,14 +32,14 @@ KNOWN = Scenario(
 CREW = {"picker_01": 0.8, "picker_02": 1.1, "picker_03": 1.3, "picker_04": 0.9}
 
 
-def log_of(truth: Scenario, days: int = 1) -> list[BinTimes]:
+def log_of(truth: Scenario, days: int = 1) -> list[LoggedBin]:
     """Return the bins of harvests of a model, one a day, each with rows of its own seed."""
     bins = []
     for day in range(days):
         for of_day in model_bins(with_changes(truth, seed=truth.seed + day)):
             moved = of_day.day + timedelta(days=day)
             row = of_day.row
-            bins.append(BinTimes(**vars(of_day) | {"day": moved, "row": row}))
+            bins.append(LoggedBin(**vars(of_day) | {"day": moved, "row": row}))
     return bins
 
 
@@ -121,7 +121,7 @@ def test_a_last_day_of_the_same_kind_is_as_predicted():
     by_runs = tested.high - tested.predicted
     assert wider.high - wider.predicted == pytest.approx(math.hypot(by_runs, by_bins))
     slower = [
-        BinTimes(**vars(bin_) | {"full": 2.0 * bin_.full, "fetched": None}) for bin_ in of_day
+        LoggedBin(**vars(bin_) | {"full": 2.0 * bin_.full, "fetched": None}) for bin_ in of_day
     ]
     assert not tested.low <= rate_of(slower) <= tested.high
 
@@ -129,7 +129,7 @@ def test_a_last_day_of_the_same_kind_is_as_predicted():
 def test_a_log_of_rows_without_pickers_gives_the_rate_back():
     spread = {"spread": {"distribution": "lognormal", "cv": 0.2}}
     truth = with_changes(KNOWN, picking_rate=2.0, picking=spread, seed=5)
-    bins = [BinTimes(**vars(bin_) | {"picker": ""}) for bin_ in log_of(truth)]
+    bins = [LoggedBin(**vars(bin_) | {"picker": ""}) for bin_ in log_of(truth)]
     picking = fit(LoggedBins(bins, [], []), KNOWN, False, "log.csv").picking
     assert picking.rate.low <= 2.0 <= picking.rate.high
     assert picking.between_rows.low <= 0.2 <= picking.between_rows.high
@@ -148,7 +148,7 @@ def test_a_bin_that_took_far_too_long_is_told_and_left_out():
     begin = 0.0
     for number, minutes in enumerate((30, 31, 29, 30, 200, 30, 31)):
         full = begin + 60.0 * minutes
-        bins.append(BinTimes("Ana", "1", "", day, full, full + 60.0, None, line=number + 2))
+        bins.append(LoggedBin("Ana", "1", "", day, full, full + 60.0, None, line=number + 2))
         begin = full + 60.0
     kept, told = without_long_ones(intervals_of(bins), "log.csv")
     assert len(kept) == 5
@@ -165,7 +165,7 @@ def test_a_log_that_no_scenario_can_follow_is_told():
     bins = []
     for number in range(20):
         full = 20.0 * number
-        bins.append(BinTimes("Ana", "1", "", day, full, full + 5.0, None, line=number + 2))
+        bins.append(LoggedBin("Ana", "1", "", day, full, full + 5.0, None, line=number + 2))
     with pytest.raises(ScenarioError, match=r"log\.csv: "):
         fit(LoggedBins(bins, [], []), KNOWN, False, "log.csv")
 
@@ -193,8 +193,8 @@ def test_drives_of_no_time_are_told_and_left_out():
     bins = []
     for number in range(9):
         full = 600.0 * number
-        bins.append(BinTimes("Ana", "1", "T1", day, full, full + 60.0, full + 60.0))
-    bins.append(BinTimes("Ana", "1", "T1", day, 6000.0, 6060.0, 6120.0))
+        bins.append(LoggedBin("Ana", "1", "T1", day, full, full + 60.0, full + 60.0))
+    bins.append(LoggedBin("Ana", "1", "T1", day, 6000.0, 6060.0, 6120.0))
     drives, sentences = drives_of(bins, {"1": 30.0}, file="log.csv")
     assert len(drives.metres) == 0
     assert sentences == [
@@ -205,8 +205,8 @@ def test_drives_of_no_time_are_told_and_left_out():
 
 def test_a_day_of_nothing_but_a_silence_is_no_test():
     day = date(2026, 4, 15)
-    bins = [BinTimes(f"P{number % 2}", "", "", day, 0.0, None, None) for number in range(4)]
-    bins += [BinTimes(of_day.picker, "", "", day, 9000.0, None, None) for of_day in bins]
+    bins = [LoggedBin(f"P{number % 2}", "", "", day, 0.0, None, None) for number in range(4)]
+    bins += [LoggedBin(of_day.picker, "", "", day, 9000.0, None, None) for of_day in bins]
     silence = Silence(day, 0.0, 9000.0)
     assert why_untested(bins, [silence], 8) == "the last day has too few bins to test the fit on"
     assert why_untested(bins, [], 8) == ""
@@ -238,13 +238,13 @@ def test_a_time_in_the_bay_is_never_less_than_none():
 
 
 def test_a_last_day_of_one_picker_is_no_test():
-    bins = [BinTimes("Ana", "1", "", date(2026, 4, 15), 600.0 * n, None, None) for n in range(9)]
+    bins = [LoggedBin("Ana", "1", "", date(2026, 4, 15), 600.0 * n, None, None) for n in range(9)]
     assert why_untested(bins, [], 8) == (
         "the last day has one picker, and a harvest of the model 2 at least: no test"
     )
 
 
-def crew_log(pickers: int, rows: int = 0, bins: int = 8) -> list[BinTimes]:
+def crew_log(pickers: int, rows: int = 0, bins: int = 8) -> list[LoggedBin]:
     """Return the bins of a day, ten minutes each, of pickers or else of rows: so many bins a row,
     or a picker if there are no rows.
     """
@@ -257,7 +257,7 @@ def crew_log(pickers: int, rows: int = 0, bins: int = 8) -> list[BinTimes]:
         for number in range(first, first + bins):
             begin = 600.0 * (number + 1) + chain
             fetched = begin + 30.0 + (7.0 * number + 11.0 * chain) % 60.0
-            logged.append(BinTimes(picker, row, "", date(2026, 4, 14), begin, fetched, None))
+            logged.append(LoggedBin(picker, row, "", date(2026, 4, 14), begin, fetched, None))
     return logged
 
 

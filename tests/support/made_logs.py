@@ -2,7 +2,7 @@
 
 from datetime import datetime, timedelta
 
-from orchard.calibrate.bins import BinTimes
+from orchard.calibrate.bins import LoggedBin
 from orchard.calibrate.model_bins import DAY
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.local import Local
@@ -12,7 +12,7 @@ from orchard.tables.exchanges import exchanges
 BEGIN = timedelta(hours=7)
 
 
-def simulated_bins(scenario: Scenario) -> list[BinTimes]:
+def simulated_bins(scenario: Scenario) -> list[LoggedBin]:
     """Return the bins of a harvest of the simulator, by its own events."""
     run = Local(scenario, is_hashed=False)
     events = []
@@ -23,7 +23,7 @@ def simulated_bins(scenario: Scenario) -> list[BinTimes]:
     bins = []
     for row in exchanges(events):
         bins.append(
-            BinTimes(
+            LoggedBin(
                 picker=row["picker"],
                 row=str(row["row"]),
                 carrier=row["carrier"] or "",
@@ -40,7 +40,7 @@ def _more(event) -> dict:
     return {"whom": event.whom or None, "detail": event.detail}
 
 
-def log_text(bins: list[BinTimes]) -> str:
+def log_text(bins: list[LoggedBin]) -> str:
     """Return bins as the lines of a log, in the order of time."""
     lines = []
     for bin_ in bins:

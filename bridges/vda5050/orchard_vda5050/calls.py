@@ -15,29 +15,33 @@ REMEMBERED: dict[type[Request], int] = {Call: 25, Fetch: 25, Come: 55}
 
 
 class Calls:
-    """What a bridge hears from full bins.
+    """Which full bins wait, by what a bridge hears from them.
 
-    A bin that calls again waits: no carrier with an agent of its own came.
+    A bin asks for a carrier (Call, Fetch). Once one is chosen, it sends for that one (Come).
+    A bin waits from its second request on: by then each carrier with an agent of its own could
+    have come.
     """
 
     def __init__(self, tell: Callable[[list[dict[str, Any]]], None]) -> None:
         """`tell`: what is called with the list of those that wait, when it has changed."""
         self._tell = tell
         self._newest_list: list[dict[str, Any]] = []
-        # Bin -> tick at which it was heard first.
-        self._first: dict[str, int] = {}
-        # Bin -> tick at which it was heard last, and its request.
-        self._last: dict[str, tuple[int, Request]] = {}
-        # Tick at which a vehicle was heard last.
-        self._last_tick = -1
-        # Vehicle -> the full bin for which it has left its empty one.
-        self._owed: dict[str, str] = {}
+        # Bin -> tick at which it asked first.
+        self._asked_first: dict[str, int] = {}
+        # Bin -> tick of its newest request, and the request.
+        self._newest: dict[str, tuple[int, Request]] = {}
+        # The tick that has been dealt with.
+        self._tick = -1
+        # Vehicle -> the full bin that it has promised to take along, having left its empty one
+        # for it; '' for none.
+        self._promised: dict[str, str] = {}
 
     def hear(self, requests: Sequence[Heard], tick: int) -> None:
         """Note what full bins request. Each vehicle calls this at each tick."""
-        if not requests and tick == self._last_tick:
+        # Another vehicle has forgotten the old requests at this tick.
+        if not requests and tick == self._tick:
             return
-        self._last_tick = tick
+        self._tick = tick
         for heard in requests:
             self._hear_request(heard.sender, heard.body, tick)
         self._forget(tick)
@@ -47,36 +51,36 @@ class Calls:
             self._tell(waiting)
 
     def _hear_request(self, bin_name: str, body: object, tick: int) -> None:
-        """Note a request of a bin. One that is still filled by a picker does not wait yet."""
+        """Note a request of a bin. A bin that is not full yet does not wait."""
         if isinstance(body, Come):
-            self._last[bin_name] = tick, body
-            self._first.pop(bin_name, None)
-        elif isinstance(body, Call) or (isinstance(body, Fetch) and not body.seconds_to_full):
-            self._last[bin_name] = tick, body
-            self._first.setdefault(bin_name, tick)
+            self._newest[bin_name] = tick, body
+            self._asked_first.pop(bin_name, None)
+        elif isinstance(body, Call) or (isinstance(body, Fetch) and body.seconds_to_full == 0):
+            self._newest[bin_name] = tick, body
+            self._asked_first.setdefault(bin_name, tick)
 
     def _forget(self, tick: int) -> None:
         """Forget the bins that have asked for nothing for some time."""
-        for name, (heard_at, body) in list(self._last.items()):
+        for name, (heard_at, body) in list(self._newest.items()):
             if tick - heard_at > REMEMBERED[type(body)]:
-                del self._last[name]
-                self._first.pop(name, None)
+                del self._newest[name]
+                self._asked_first.pop(name, None)
 
     def _waiting(self) -> list[dict[str, Any]]:
         """Return the bins that wait, in the order in which they began to call.
 
-        `loadId`, the `station`, `since` which tick.
+        Each has its name `loadId`, its `station`, and the tick `since` which it calls.
         """
         waiting = []
-        for name, (heard_at, body) in self._last.items():
-            if isinstance(body, Come) or heard_at <= self._first[name]:
-                continue
-            waiting.append({"loadId": name, "station": _station(body), "since": body.since})
+        for name, (heard_at, body) in self._newest.items():
+            # With `Come` it has sent for a carrier.
+            if not isinstance(body, Come) and heard_at > self._asked_first[name]:
+                waiting.append({"loadId": name, "station": _station(body), "since": body.since})
         return sorted(waiting, key=_since_and_name)
 
     def bin_at(self, station: str) -> str:
         """Return the bin that calls from a station, or has sent for a vehicle; '' if none does."""
-        for name, (_, body) in self._last.items():
+        for name, (_, body) in self._newest.items():
             if _station(body) == station:
                 return name
         return ""
@@ -86,14 +90,14 @@ class Calls:
 
         The full bin must have sent for a vehicle.
         """
-        _, body = self._last.get(bin_name, (0, None))
-        if not isinstance(body, Come) or bin_name in self._owed.values():
+        _, body = self._newest.get(bin_name, (0, None))
+        if not isinstance(body, Come) or bin_name in self._promised.values():
             return ""
         return body.picker
 
     def promise(self, vehicle: str, bin_name: str) -> None:
         """Note the full bin that a vehicle has promised to take along; '' for none."""
-        self._owed[vehicle] = bin_name
+        self._promised[vehicle] = bin_name
 
 
 def _station(body: Request) -> str:

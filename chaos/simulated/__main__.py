@@ -13,9 +13,10 @@ import json
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor
 from datetime import date
 from functools import partial
+from itertools import islice, takewhile
 from multiprocessing import get_context
 from pathlib import Path
 from time import monotonic
@@ -35,7 +36,7 @@ from orchard.memory import collect_seldom
 
 TABLE = Path(__file__).parent / "mutations.md"
 AHEAD = 8  # schedules that are handed out to the workers at a time
-MOST = 2000  # schedules in which a mutation is to be found
+MOST = 2000  # schedules, after which a mutation counts as not found
 
 collect_seldom()  # also in each worker, which imports this file
 
@@ -77,13 +78,13 @@ def schedules(
     failed = [outcome.seed for outcome in outcomes if outcome.complaints]
     _say(f"{len(outcomes)} schedules in {monotonic() - begun:.0f} s, {len(failed)} failed")
     if summary is not None:
-        summary.write_text(json.dumps(_summed_up(outcomes), indent=2) + "\n")
+        summary.write_text(json.dumps(_summary_of(outcomes), indent=2) + "\n")
     if failed:
         _say(f"what happened: python -m chaos.simulated --seed {failed[0]}")
     raise typer.Exit(1 if failed else 0)
 
 
-def _summed_up(outcomes: list[Outcome]) -> dict[str, Any]:
+def _summary_of(outcomes: list[Outcome]) -> dict[str, Any]:
     """Return in how many schedules what occurred."""
     return {
         "schedules": len(outcomes),
@@ -105,7 +106,7 @@ def expected() -> None:
 
 @app.command()
 def mutations(
-    most: Annotated[int, typer.Option(min=1, help="How many schedules may not find it.")] = MOST,
+    most: Annotated[int, typer.Option(min=1, help="Give a mutation up after so many.")] = MOST,
     only: Annotated[str, typer.Option(help="Only mutations with these words.")] = "",
     workers: Annotated[
         int | None, typer.Option(min=1, help="Processes; default: one for each core.")
@@ -130,25 +131,31 @@ def mutations(
         for name, (seed, what) in zip(names, found, strict=True)
     ]
     rows += [f"| {name} | by a test | {why} |" for name, why in BY_TESTS.items() if only in name]
+    # Complaints name files. The table must not depend on the folder of a clone.
     rows = [row.replace(f"{Path.cwd()}/", "") for row in rows]
     _say("\n".join(rows))
     if not only:
-        head = (
-            f"What fails if one safety net of the protocol is cut out ({date.today()}, at most"
-            f" {most} schedules each)."
-        )
-        again = "To measure it again: `python -m chaos.simulated mutations`."
-        lines = [
-            "# Mutations",
-            "",
-            f"{head} {again}",
-            "",
-            "| cut out | found at seed | what fails |",
-            "|---|---|---|",
-            *rows,
-        ]
-        TABLE.write_text("\n".join(lines) + "\n")
+        _write_table(rows, most)
     raise typer.Exit(1 if any(seed is None for seed, _ in found) else 0)
+
+
+def _write_table(rows: list[str], most: int) -> None:
+    """Write the rows of all mutations, of at most `most` schedules each, to TABLE."""
+    head = (
+        f"What fails if one safety net of the protocol is cut out ({date.today()}, at most"
+        f" {most} schedules each)."
+    )
+    again = "To measure it again: `python -m chaos.simulated mutations`."
+    lines = [
+        "# Mutations",
+        "",
+        f"{head} {again}",
+        "",
+        "| cut out | found at seed | what fails |",
+        "|---|---|---|",
+        *rows,
+    ]
+    TABLE.write_text("\n".join(lines) + "\n")
 
 
 def _workers(count: int | None = None) -> ProcessPoolExecutor:
@@ -163,21 +170,16 @@ def _in_turn(
 
     What a schedule does follows from its seed alone; the deadline decides only how many there are.
     """
-    rest = iter(seeds)
-    under_way: deque[Future[Outcome]] = deque()
-    is_over = False
-    while not is_over or under_way:
-        while not is_over and len(under_way) < AHEAD:
-            seed = next(rest, None)
-            is_over = seed is None or clock() >= deadline
-            if seed is not None and not is_over:
-                under_way.append(workers.submit(outcome_of, seed))
-        if under_way:
-            yield under_way.popleft().result()
+    in_time = takewhile(lambda _: clock() < deadline, seeds)
+    begun = (workers.submit(outcome_of, seed) for seed in in_time)
+    under_way = deque(islice(begun, AHEAD))
+    while under_way:
+        yield under_way.popleft().result()
+        under_way.extend(islice(begun, 1))
 
 
 def _tell(seed: int) -> int:
-    """Print what happens in a schedule; the exit code."""
+    """Print what happens in a schedule. Return the exit code."""
     plan: Plan = draw(seed)
     if carry_out(plan).complaints:
         plan = shrink(plan)

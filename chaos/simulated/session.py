@@ -15,7 +15,7 @@ from orchard.net.bus import GET_SECONDS, TIMED_OUT, Alive, Bus, Final, Query, Re
 
 
 class SimulatedQuery(Query):
-    """A query that came over a link."""
+    """A query as the code hears it that answers it, from a link or from its own session."""
 
     def __init__(
         self,
@@ -50,7 +50,10 @@ class SimulatedQuery(Query):
 
 @dataclass
 class Fuse:
-    """What happens as a session is about to send the last of so many messages."""
+    """Acts as a session is about to send its `left`-th message from now on.
+
+    `only_queries`: only queries count.
+    """
 
     left: int
     act: Callable[[], None]
@@ -96,6 +99,9 @@ class SurroundingNetwork(Protocol):
 class SimulatedBus(Bus):
     """A session in virtual time. It is the same for the code of a process as one of Zenoh."""
 
+    link: Link | None
+    fuse: Fuse | None
+
     def __init__(
         self,
         network: SurroundingNetwork,
@@ -117,23 +123,27 @@ class SimulatedBus(Bus):
         self.link = None
         self.fuse = None
         self._random = Random(f"{network.seed} {self.id}")
-        self._declared: list[tuple[str, str]] = []  # (what, key), in their order
-        self._quiet: set[str] = set()  # subscriptions that do not wake the reader
-        self._subscribed: dict[
-            str, list[bool]
-        ] = {}  # key -> whether each subscription that it meets is quiet; computed on demand
-        self._dropping: dict[str, bool] = {}  # key -> whether a slow subscriber may miss messages
+        # (what, key) in their order. `what` is the name of the router's method, or "token".
+        self._declared: list[tuple[str, str]] = []
+        # Subscriptions that do not wake the reader.
+        self._quiet: set[str] = set()
+        # Key -> whether each subscription that it meets is quiet. It is computed on demand.
+        self._quiet_by_key: dict[str, list[bool]] = {}
+        # Key -> whether a slow subscriber may miss messages.
+        self._dropping: dict[str, bool] = {}
+        # Whether the router tells this session which keys others subscribe to.
         self._is_interested = False
-        self.listener: Callable[[str, bytes], None] | None = None  # hears all samples, too
-        self.queries: list[tuple[str, bytes]] = []  # that have arrived: key, payload
-        self._known: list[
-            str
-        ] = []  # the keys to which others subscribe, as far as the session knows
-        self._alive: set[str] = set()  # the tokens of others that the session knows
-        self._asks: dict[int, tuple[Any, int]] = {}  # number -> ticket, parts that are not final
-
-    link: Link | None
-    fuse: Fuse | None
+        # Hears all samples, too.
+        self.listener: Callable[[str, bytes], None] | None = None
+        # Key and payload of each query that has arrived.
+        self.queries: list[tuple[str, bytes]] = []
+        # The keys to which others subscribe, as far as the session knows.
+        self._known: list[str] = []
+        # The tokens of others that the session knows.
+        self._alive: set[str] = set()
+        # Number of a query -> its ticket, and how many still answer: the session's own queryables,
+        # and the router.
+        self._asks: dict[int, tuple[Any, int]] = {}
 
     def clock(self) -> float:
         return self._scheduler.now
@@ -143,18 +153,25 @@ class SimulatedBus(Bus):
         while self._task is not None and (left := deadline - self._scheduler.now) > 0.0:
             self._task.wait(left)
 
-    def _work(self, is_query: bool = False) -> None:
+    def _before_sending(self, is_query: bool = False) -> None:
         """Take some time now and then, so that a process can be killed between two messages that it
         sends.
         """
-        if self.fuse is not None and not self.is_dead and (is_query or not self.fuse.only_queries):
-            self.fuse.left -= 1
-            if not self.fuse.left:
-                self._scheduler.after(0.0, self.fuse.act)
-                self.fuse = None
-                self.sleep(1e-6)
+        self._burn_fuse(is_query)
         if self._random.random() < self._network.pauses and not self.is_dead:
             self.sleep(self._random.random() * 2e-3)
+
+    def _burn_fuse(self, is_query: bool) -> None:
+        """Count a message for the fuse. After the last one it acts, before the message is sent."""
+        fuse = self.fuse
+        if fuse is None or self.is_dead or (fuse.only_queries and not is_query):
+            return
+        fuse.left -= 1
+        if fuse.left == 0:
+            self._scheduler.after(0.0, fuse.act)
+            self.fuse = None
+            # The act has its turn while this task sleeps.
+            self.sleep(1e-6)
 
     def _send(
         self,
@@ -170,7 +187,7 @@ class SimulatedBus(Bus):
     # -- publish and query
 
     def publish(self, key: str, payload: bytes, newest_wins: bool = False) -> None:
-        self._work()
+        self._before_sending()
         self._network.census.send(key, payload)
         may_drop = self._dropping.setdefault(key, newest_wins)
         self._send(
@@ -184,6 +201,8 @@ class SimulatedBus(Bus):
         self._dropping.pop(key, None)
 
     def is_heard(self, keys: str) -> bool:
+        # The session of the router's own process knows at once. Another one asks the router once,
+        # and hears of each change from then on.
         if isinstance(self.link, DirectLink):
             return any(meets(keys, one) for one in self.link.router.subscribers_beside(self.id))
         if not self._is_interested:
@@ -192,14 +211,17 @@ class SimulatedBus(Bus):
         return any(meets(keys, one) for one in self._known)
 
     def ask(self, key: str, payload: bytes, ticket: Any, seconds: float = GET_SECONDS) -> None:
-        self._work(is_query=True)
+        self._before_sending(is_query=True)
         self._network.census.send(key, payload)
         own = [one for what, one in self._declared if what == "answer" and meets(one, key)]
         if self.link is None and not own:
             self.inbox.put(Final(ticket))
             return
         number = self._network.next_number()
-        self._asks[number] = ticket, len(own) + (self.link is not None)
+        sides = len(own)
+        if self.link is not None:
+            sides += 1
+        self._asks[number] = ticket, sides
         for _ in own:
             self.inbox.put(
                 SimulatedQuery(
@@ -224,7 +246,8 @@ class SimulatedBus(Bus):
     # -- subscribe and answer
 
     def subscribe(self, keys: str, quietly: bool = False) -> None:
-        self._quiet |= {keys} if quietly else set()
+        if quietly:
+            self._quiet.add(keys)
         self._declare("subscribe", keys)
 
     def answer(self, key: str) -> None:
@@ -241,9 +264,9 @@ class SimulatedBus(Bus):
         self._send(lambda link: link.router.token(link, token, False), CONTROL)
 
     def _declare(self, what: str, key: str) -> None:
-        self._work()
+        self._before_sending()
         self._declared.append((what, key))
-        self._subscribed = {}
+        self._quiet_by_key = {}
         self._send_declared(what, key)
 
     def _send_declared(self, what: str, key: str) -> None:
@@ -266,8 +289,9 @@ class SimulatedBus(Bus):
             self._send(lambda link: link.router.interest(link), CONTROL)
 
     def lose(self, link: Link) -> None:
-        """Hear that the link is closed: the others are gone, and the gets that are under way have
-        ended.
+        """Hear that the link is closed.
+
+        All tokens of others go, and so does the router's part of each query that is under way.
         """
         if self.link is not link:
             return
@@ -285,8 +309,8 @@ class SimulatedBus(Bus):
     def end(self, share: float) -> None:
         """Take part no more.
 
-        `share`: how much of what is under way still arrives: all if the process has closed the
-        session.
+        `share`: of what is under way, how much still arrives. It is 1 if the process has closed
+        the session.
         """
         self.is_dead = True
         if self.link is not None:
@@ -295,44 +319,59 @@ class SimulatedBus(Bus):
     # -- what arrives
 
     def hear_sample(self, key: str, payload: bytes) -> None:
-        if key not in self._subscribed:
-            self._subscribed[key] = [
+        if self.listener is not None:
+            self.listener(key, payload)
+        sample = Sample(key, payload)
+        for is_quiet in self._quietness_of(key):
+            if is_quiet:
+                self.inbox.put_quietly(sample)
+            else:
+                self.inbox.put(sample)
+
+    def _quietness_of(self, key: str) -> list[bool]:
+        """Return whether each subscription that a key meets is quiet."""
+        if key not in self._quiet_by_key:
+            self._quiet_by_key[key] = [
                 keys in self._quiet
                 for what, keys in self._declared
                 if what == "subscribe" and meets(keys, key)
             ]
-        if self.listener is not None:
-            self.listener(key, payload)
-        for is_quiet in self._subscribed[key]:
-            (self.inbox.put_quietly if is_quiet else self.inbox.put)(Sample(key, payload))
+        return self._quiet_by_key[key]
 
     def hear_token(self, token: str, up: bool) -> None:
-        if up != (token in self._alive):
-            (self._alive.add if up else self._alive.discard)(token)
-            self.inbox.put(Alive(token, up))
+        if up == (token in self._alive):
+            return
+        if up:
+            self._alive.add(token)
+        else:
+            self._alive.discard(token)
+        self.inbox.put(Alive(token, up))
 
     def hear_subscribers(self, keys: list[str]) -> None:
         self._known = keys
 
     def hear_query(self, link: Link, number: int, key: str, payload: bytes) -> None:
         declared = [one for what, one in self._declared if what == "answer" and meets(one, key)]
-        left = len(declared)
+        unanswered = len(declared)
         self.queries.append((key, payload))
 
         def reply(payload: bytes, error: str) -> None:
             arrives = partial(link.router.reply, number, key, payload, error)
             link.send(UP, arrives, size=len(payload))
 
+        def finish() -> None:
+            link.send(UP, lambda: link.router.finish(number, self.id))
+
         def drop() -> None:
-            nonlocal left
-            left -= 1
-            if left <= 0:
-                link.send(UP, lambda: link.router.finish(number, self.id))
+            nonlocal unanswered
+            unanswered -= 1
+            if unanswered == 0:
+                finish()
 
         for _ in declared:
             self.inbox.put(SimulatedQuery(key, payload, reply, drop, self._network.census))
         if not declared:
-            drop()
+            finish()
 
     def hear_reply(self, number: int, payload: bytes, error: str) -> None:
         if number in self._asks:

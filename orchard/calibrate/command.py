@@ -2,16 +2,16 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from rich.progress import TextColumn
 
-from orchard.calibrate.bins import LoggedBin, bins_of
-from orchard.calibrate.fit import fit
+from orchard.calibrate.bins import LoggedBins, bins_of
+from orchard.calibrate.fit import Fit, fit
 from orchard.calibrate.last_day import RUNS, check_on_day, split_last_day, why_untested
 from orchard.calibrate.log_lines import BinLog, read_log
 from orchard.calibrate.options import CalibrationOptions
-from orchard.calibrate.structure import orchard_of
+from orchard.calibrate.structure import LogOrchard, orchard_of
 from orchard.calibrate.words import (
     HEADING,
     fitted_table,
@@ -39,57 +39,89 @@ def run_calibration(chosen: CalibrationOptions) -> int:
     return FINISHED
 
 
+@dataclass(frozen=True)
+class _Evidence:
+    """What a fit rests on: the log, its bins with the rows as the orchard has them, the orchard."""
+
+    log: BinLog
+    logged: LoggedBins
+    orchard: LogOrchard
+
+
 def _calibrate(chosen: CalibrationOptions) -> None:
-    """Do it. Raises ScenarioError, OSError, Jam, and ValueError for what the model knows not."""
-    on = None if chosen.on is None else load_or_shipped(chosen.on)
-    if chosen.out is not None:
-        check_writable(chosen.out, chosen.log, SCENARIO)
-    log = read_log(chosen.log)
-    shift = WorkShift() if on is None else on.shift
-    logged = bins_of(log, shift)
-    if not logged.bins:
-        raise ScenarioError([Problem(log.file, "has no full bin; must have lines with full")])
-    orchard = orchard_of(log, logged.bins, on, printable(str(chosen.on)))
-    logged = replace(logged, bins=orchard.bins)
-    earlier, of_day = split_last_day(logged)
-    days = len({of_log.day for of_log in logged.bins})
-    with _progress() as tell:
-        fitted = fit(
-            earlier,
-            orchard.base,
-            orchard.has_rows,
-            log.file,
-            chosen.confidence,
-            is_assumed=orchard.is_assumed,
-        )
-        untested = why_untested(of_day, logged.silences, fitted.scenario.pickers)
-        tested = None
-        if not untested:
-            tested = check_on_day(fitted, of_day, logged.silences, chosen.confidence, tell)
-    print_line(_heading(log, logged.bins, days))
+    """Fit, test, print and write. It does not turn errors into words.
+
+    Raises ScenarioError, OSError, Jam; ValueError or NotImplementedError for what the event model
+    does not know.
+    """
+    evidence = _read(chosen)
+    fitted, test = _fit_and_test(evidence, chosen.confidence)
+    print_line(_heading(evidence))
     console.print(fitted_table(fitted, chosen.confidence))
     if any(fitted.picking.rates):
         print_line(rates_sentence(fitted))
-    if tested is None:
-        print_line(untested)
-    else:
-        for sentence in tested_sentences(tested, chosen.confidence):
-            print_line(sentence)
-    _print_notes([*log.notes, *orchard.notes, *fitted.notes])
-    _print_notes([*logged.gaps, *fitted.left_out])
+    for sentence in test:
+        print_line(sentence)
+    _print_notes([*evidence.log.notes, *evidence.orchard.notes, *fitted.notes])
+    _print_notes([*evidence.logged.gaps, *fitted.left_out])
     if chosen.out is not None:
-        write_whole(chosen.out, scenario_text(fitted, log.file).encode())
-        print_line(f"{chosen.out}: orchard study {chosen.out} asks it")
+        write_whole(chosen.out, scenario_text(fitted, evidence.log.file).encode())
+        print_line(f"{chosen.out}: to ask it, orchard study {chosen.out}")
 
 
-def _heading(log: BinLog, bins: Sequence[LoggedBin], days: int) -> str:
+def _read(chosen: CalibrationOptions) -> _Evidence:
+    """Read the log, and the user's scenario if there is one."""
+    given = None
+    given_file = ""
+    shift = WorkShift()
+    if chosen.on is not None:
+        given = load_or_shipped(chosen.on)
+        given_file = printable(str(chosen.on))
+        shift = given.shift
+    if chosen.out is not None:
+        check_writable(chosen.out, chosen.log, SCENARIO)
+    log = read_log(chosen.log)
+    logged = bins_of(log, shift)
+    if not logged.bins:
+        raise ScenarioError([Problem(log.file, "has no full bin; must have lines with full")])
+    orchard = orchard_of(log, logged.bins, given, given_file)
+    return _Evidence(log, replace(logged, bins=orchard.bins), orchard)
+
+
+def _fit_and_test(evidence: _Evidence, confidence: float) -> tuple[Fit, list[str]]:
+    """Return what fits all days but the last one, and in words how well it predicts that one.
+
+    Where the last day is no test, the words say why, and the fit is to what there is.
+    """
+    logged = evidence.logged
+    orchard = evidence.orchard
+    days_before, last_day = split_last_day(logged)
+    with _progress() as tell:
+        fitted = fit(
+            days_before,
+            orchard.base,
+            orchard.has_rows,
+            evidence.log.file,
+            confidence,
+            is_assumed=orchard.is_assumed,
+        )
+        untested = why_untested(last_day, logged.silences, fitted.scenario.pickers)
+        if untested:
+            return fitted, [untested]
+        tested = check_on_day(fitted, last_day, logged.silences, confidence, tell)
+    return fitted, list(tested_sentences(tested, confidence))
+
+
+def _heading(evidence: _Evidence) -> str:
     """Return what the log holds, in words."""
-    words = f"{log.file}: {len(bins)} bins of {days} days"
-    return words if days > 1 else f"{log.file}: {len(bins)} bins of one day"
+    bins = evidence.logged.bins
+    days = len({of_log.day for of_log in bins})
+    span = "one day" if days == 1 else f"{days} days"
+    return f"{evidence.log.file}: {len(bins)} bins of {span}"
 
 
 def _print_notes(notes: Sequence[str]) -> None:
-    """Print what was assumed, or left out; of very many the first ones, and how many more."""
+    """Print at most MOST_NAMED notes, then how many more there are."""
     for note in notes[:MOST_NAMED]:
         print_line(f"- {note}")
     if len(notes) > MOST_NAMED:

@@ -12,7 +12,7 @@ from orchard.field.scenario import ROW_RULES, Scenario, with_changes
 from orchard.field.shipped import load_or_shipped
 from orchard.report.bounds import Bounds
 from orchard.report.limits import limit_of_question
-from orchard.report.summary import SUMMARY, clock, why_unwritten
+from orchard.report.summary import SUMMARY, clock, write_if_wanted
 from orchard.terminal.exits import FAILED, exit_on_errors, needs_extra
 from orchard.terminal.files import check_writable
 from orchard.terminal.options import File, flag, option, with_options
@@ -34,7 +34,7 @@ class BoundOptions:
     )
     work: float = option(
         None,
-        "How much the solver may do for each rule: about s.",
+        "Work of the solver for each rule, about as many seconds; equal on every machine.",
         default=10.0,
         min=0.01,
         max=36_000.0,
@@ -48,6 +48,7 @@ def bound(chosen: BoundOptions) -> None:
 
     People and animals are left out.
     """
+    # Without OR-Tools, which is an extra, it ends here in words.
     with needs_extra("A bound", "optimum"):
         import orchard.optimum.schedule  # noqa: F401
     with own_classes_run(), exit_on_errors(ScenarioError, OSError, ValueError):
@@ -57,35 +58,35 @@ def bound(chosen: BoundOptions) -> None:
 def print_bound(chosen: BoundOptions) -> None:
     """Print the bound of a scenario, and write it.
 
-    Raises ScenarioError, NoBound or OSError; typer.Exit if the file cannot be written.
+    Raises ScenarioError, NoBound (a ValueError) or OSError; typer.Exit if the file cannot be
+    written.
     """
-    # OR-Tools is an extra.
     from orchard.optimum.schedule import optimum
 
     scenario = load_or_shipped(chosen.scenario)
     if chosen.summary is not None:
         check_writable(chosen.summary, chosen.scenario, SUMMARY)
     rules = ROW_RULES if chosen.all_rules else (scenario.rows_to_pickers,)
-    bounds = {
+    optima = {
         rule: optimum(lay_out(with_changes(scenario, rows_to_pickers=rule)), chosen.work)
         for rule in rules
     }
-    for rule, bound_of_rule in bounds.items():
-        print_line(f"{rule} rows: {_words(bound_of_rule)}")
-    proven = min(bound_of_rule.proven_seconds for bound_of_rule in bounds.values())
-    best = min(bound_of_rule.best_seconds for bound_of_rule in bounds.values())
+    for rule, found in optima.items():
+        print_line(f"{rule} rows: {_optimum_words(found)}")
+    proven = min(found.proven_seconds for found in optima.values())
+    best = min(found.best_seconds for found in optima.values())
     if chosen.all_rules:
         print_line(f"With any of these rules no harvest is shorter than {clock(proven)}.")
     limit = limit_of_question(scenario)
     print_line(_limit_words(limit))
-    trouble = why_unwritten(chosen.summary, _summary(scenario, bounds, proven, best, limit))
+    trouble = write_if_wanted(chosen.summary, _summary(scenario, optima, proven, best, limit))
     if trouble:
         print_error(trouble)
         raise typer.Exit(FAILED)
 
 
 def _limit_words(limit: Bounds) -> str:
-    """Return the limit of the long run, as the page and a study show it."""
+    """Return how many bins an hour a long harvest could have at most, in words."""
     limited_by = limit.bottleneck if limit.bottleneck == "unloading" else f"the {limit.bottleneck}"
     return (
         f"In a long harvest without traffic {limited_by} would allow "
@@ -93,35 +94,35 @@ def _limit_words(limit: Bounds) -> str:
     )
 
 
-def _words(bound_of_rule: "Optimum") -> str:
-    """Return the bound for one rule, and how near a schedule comes to it."""
-    if bound_of_rule.gap:
-        schedule = f"and the best schedule found takes {100 * bound_of_rule.gap:.1f} % longer"
+def _optimum_words(found: "Optimum") -> str:
+    """Return the bound for one rule, and how near a schedule comes to it, in words."""
+    if found.gap:
+        schedule = f"and the best schedule found takes {100 * found.gap:.1f} % longer"
     else:
         schedule = "and a schedule takes as long"
     words = (
-        f"no harvest of these {bound_of_rule.bins} bins is shorter than "
-        f"{clock(bound_of_rule.proven_seconds)}, {schedule}"
+        f"no harvest of these {found.bins} bins is shorter than "
+        f"{clock(found.proven_seconds)}, {schedule}"
     )
-    if bound_of_rule.cut_after_seconds is None:
+    if found.cut_after_seconds is None:
         return words
     return (
         f"{words}; the search was cut by the clock, "
-        f"after {bound_of_rule.cut_after_seconds:.0f} s,"
+        f"after {found.cut_after_seconds:.0f} s,"
         " and a faster machine may prove more"
     )
 
 
 def _summary(
     scenario: Scenario,
-    bounds: dict[str, "Optimum"],
+    optima: dict[str, "Optimum"],
     proven: float,
     best: float,
     limit: Bounds,
 ) -> dict[str, Any]:
     """Return the summary of a bound.
 
-    `bounds`: rule -> bound; `proven`, `best`: s, of all rules; `limit`: that of the long run.
+    `optima`: rule -> its optimum; `proven`, `best`: s, of all rules; `limit`: of the long run.
     """
     return {
         "proven_seconds": proven,
@@ -129,6 +130,6 @@ def _summary(
         "gap": best / proven - 1.0,
         "limit_bins_per_hour": limit.bins_per_hour,
         "bottleneck": limit.bottleneck,
-        "rows_to_pickers": {rule: asdict(of_rule) for rule, of_rule in bounds.items()},
+        "rows_to_pickers": {rule: asdict(found) for rule, found in optima.items()},
         "scenario": scenario.model_dump(),
     }

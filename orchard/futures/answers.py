@@ -6,7 +6,7 @@ from orchard.futures.comparison import compare_futures
 from orchard.futures.futures import Futures
 from orchard.futures.options import ForkOptions
 from orchard.launch.run_folder import RunFolder
-from orchard.report.summary import SUMMARY, why_unwritten
+from orchard.report.summary import SUMMARY, write_if_wanted
 from orchard.sim.snapshot import KEYFRAME, SnapshotError
 from orchard.study.kinds_of_files import PICTURE
 from orchard.study.study_command import failures
@@ -39,7 +39,7 @@ def run_futures(chosen: ForkOptions, runs: RunFolder) -> int:
             bar() as progress,
         ):
             summary = answer(chosen, folder, Futures(chosen, workers, is_stopped, progress))
-    trouble = why_unwritten(chosen.summary, summary)
+    trouble = write_if_wanted(chosen.summary, summary)
     if trouble:
         print_error(trouble)
         return FAILED

@@ -15,7 +15,7 @@ from orchard.report.summary import (
     limit_sentence,
     sentence,
     unusual_figures,
-    why_unwritten,
+    write_if_wanted,
 )
 from orchard.sim.snapshot import SNAPSHOT, SnapshotError, newest, snapshots_in
 from orchard.terminal.exits import FAILED, FINISHED
@@ -67,7 +67,7 @@ def _report_result(request: RunRequest, result: dict[str, Any], why: str) -> int
     if too_slow:
         print_error(too_slow)
     troubles = [
-        *filter(None, [why_unwritten(request.options.summary, result)]),
+        *filter(None, [write_if_wanted(request.options.summary, result)]),
         *_troubles(request, result, why),
         *_complete_table(request.options.table, result),
     ]

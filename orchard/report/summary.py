@@ -232,7 +232,7 @@ def write_summary(path: Path, summary: dict[str, Any]) -> None:
     path.write_text(json.dumps(summary, indent=2) + "\n")
 
 
-def why_unwritten(path: Path | None, summary: dict[str, Any]) -> str:
+def write_if_wanted(path: Path | None, summary: dict[str, Any]) -> str:
     """Write a summary, if a file is wanted.
 
     Return why it is not written, with its path; "" if it is.

@@ -17,7 +17,7 @@ from orchard.discrete.harvest import get_ready
 from orchard.dispatch.policies import POLICIES
 from orchard.field.problems import ScenarioError, printable
 from orchard.field.scenario import NEAREST, ROLLING
-from orchard.report.summary import SUMMARY, why_unwritten
+from orchard.report.summary import SUMMARY, write_if_wanted
 from orchard.study.benchmark.bounds import hidden_instances, secret_of
 from orchard.study.benchmark.families import commitment
 from orchard.study.benchmark.instances import Instance, instances
@@ -71,10 +71,10 @@ def run_benchmark(chosen: BenchmarkOptions) -> int:
             return FAILED
         result, submission = done
         _print(result)
-    troubles = [*result.notes, *filter(None, [why_unwritten(chosen.summary, asdict(result))])]
+    troubles = [*result.notes, *filter(None, [write_if_wanted(chosen.summary, asdict(result))])]
     if submission is not None:
         content = msgspec.to_builtins(submission)
-        troubles += filter(None, [why_unwritten(chosen.submission, content)])
+        troubles += filter(None, [write_if_wanted(chosen.submission, content)])
     for trouble in troubles:
         print_error(trouble)
     is_told = tell_if_lost()

@@ -1,4 +1,6 @@
-"""Elements of a page that NiceGUI does not have: headings, dialogs, tables, passing words."""
+"""Elements of a page that NiceGUI does not have: headings, notes, buttons, choices,
+dialogs, tables and tiles.
+"""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -25,7 +27,7 @@ def note(props: str, classes: str = "field-problem") -> ui.label:
 def button(
     words: str, act: Callable[..., Any], action: str, icon: str | None = None, props: str = "flat"
 ) -> ui.button:
-    """Return a button with its words as they are. `action`: its name for tests."""
+    """Return a button whose words are not put into capitals. `action`: its name for tests."""
     return ui.button(words, icon=icon, on_click=act).props(f"{props} no-caps data-action={action}")
 
 
@@ -108,7 +110,8 @@ def table(
     """
     with ui.element("table"):
         if head:
-            _head_line([""] * (act is not None) + [*head])
+            names = [*head] if act is None else ["", *head]
+            _head_line(names)
         for number, (name, *cells) in enumerate(lines):
             with ui.element("tr"):
                 if act is not None:
@@ -156,8 +159,8 @@ def mark_wrong(element: ui.element, is_wrong: bool) -> None:
 def while_alive(method: Callable[..., Any]) -> Callable[..., Any]:
     """Return a function that calls a bound method as long as the method's object is there.
 
-    Afterwards it does nothing. FastAPI remembers some thousand upload routes after their pages were
-    deleted. Through its handler of files, such a route would keep all elements of its page.
+    Afterwards it does nothing. FastAPI keeps the routes of uploads of deleted pages, some thousand
+    of them. Each refers to its handler, and a bound method would keep its whole page.
     """
     reference = WeakMethod(method)
 

@@ -24,25 +24,26 @@ def lanes_between(trees: TurnedLines) -> tuple[TurnedLines, list[str]]:
     A lane is as long as the lines beside it are on average. There is none where lines of trees
     are missing, or a road passes.
     """
-    souths = [-middle(line.points.imag) for line in trees.lines]
-    gaps = [south - north for north, south in pairwise(souths)]
+    # From north to south.
+    ys = [middle(line.points.imag) for line in trees.lines]
+    gaps = [north - south for north, south in pairwise(ys)]
     if not gaps:
         return TurnedLines([], trees.yaw), []
     usual = median(gaps)
     lanes = []
-    roads = []
+    wide_gaps = []
     names = [f"{north.id}-{south.id}" for north, south in pairwise(trees.lines)]
     short = short_names(names)
     for gap, name, (north, south) in zip(gaps, names, pairwise(trees.lines), strict=True):
         if gap >= MISSING * usual:
-            roads.append(f"{short[name]} ({gap:.2f} m)")
+            wide_gaps.append(f"{short[name]} ({gap:.2f} m)")
             continue
         lanes.append(SurveyedLine(short[name], _midway(north.points, south.points)))
     notes = []
-    if roads:
+    if wide_gaps:
         notes.append(
             f"no row between these lines of trees, which lie {MISSING:g} times the usual"
-            f" {usual:.2f} m apart and more: {', '.join(roads)}"
+            f" {usual:.2f} m apart and more: {', '.join(wide_gaps)}"
         )
     return TurnedLines(lanes, trees.yaw), notes
 
@@ -63,25 +64,22 @@ def note_of_lines(features: Sequence[Feature], count: int, source: Source) -> st
     if source.options.lines == LANES:
         return ""
     word = _tree_word(features, source)
-    trees = (
+    if not word:
+        return (
+            f"the {count} lines are taken for lanes, which a picker drives between two lines of"
+            f" trees. If they are lines of trees, there are at most {count - 1} rows:"
+            f" {source.command(lines=TREES)}"
+        )
+    as_trees = (
         f"{source.command(lines=TREES)} (they are lines of trees: at most {count - 1} rows between)"
     )
-    if word:
-        lanes = f"{source.command(lines=LANES)} (they are lanes that a picker drives: {count} rows)"
-        raise ScenarioError(
-            [
-                Problem(
-                    source.file,
-                    f"has {count} lines, and speaks of trees ({word}). Say what they are:"
-                    f" {trees}, or {lanes}",
-                )
-            ]
-        )
-    return (
-        f"the {count} lines are taken for lanes, which a picker drives between two lines of trees."
-        f" If they are lines of trees, there are at most {count - 1} rows:"
-        f" {source.command(lines=TREES)}"
+    as_lanes = f"{source.command(lines=LANES)} (they are lanes that a picker drives: {count} rows)"
+    problem = Problem(
+        source.file,
+        f"has {count} lines, and speaks of trees ({word}). Say what they are:"
+        f" {as_trees}, or {as_lanes}",
     )
+    raise ScenarioError([problem])
 
 
 def _tree_word(features: Sequence[Feature], source: Source) -> str:

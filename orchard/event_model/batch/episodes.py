@@ -11,7 +11,7 @@ from orchard.event_model.kernel.drives import FAR
 from orchard.event_model.kernel.entry import SIGNATURE as OF_MACHINE
 from orchard.event_model.results import JAM, LONGEST, LOOK_AT
 from orchard.field.scenario import TIME_STEP
-from orchard.sim.kernels.addresses import calls
+from orchard.sim.kernels.addresses import caller_by_address
 from orchard.sim.kernels.arrays import ADDRESSES, ArrayRecord
 from orchard.sim.kernels.jit import INTEGER
 
@@ -20,7 +20,7 @@ SIGNATURE = (ADDRESSES, INTEGER, INTEGER)
 
 _opens_batch = BATCH.opens
 _opens = ArrayRecord(c.ARRAYS).opens
-_run = calls(OF_MACHINE)
+_run = caller_by_address(OF_MACHINE)
 
 
 @outer

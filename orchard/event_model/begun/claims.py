@@ -20,18 +20,21 @@ class Claims:
         return self._reserved.get(name, [])
 
     def wish(self, name: str) -> PendingClaim | None:
-        """Return for what traffic has a robot wait; None if it waits for nothing."""
+        """Return the claim that traffic has not granted to a robot yet; None if there is none."""
         return self._wishes.get(name)
 
     def sent(self, name: str, age: int = 1) -> Claim | None:
-        """Return the claim that a robot sent `age` ticks ago. One of 1 is not heard yet."""
+        """Return the claim that a robot sent `age` ticks ago. One of age 1 is not heard yet."""
         for request in self._moment.requests(name, age):
             if isinstance(request, Claim):
                 return request
         return None
 
-    def last(self, name: str) -> Claim | None:
-        """Return the claim that a robot has sent in the last two ticks, the later one."""
+    def newest(self, name: str) -> Claim | None:
+        """Return the newest claim that a robot has sent in the last two ticks.
+
+        An older one is in traffic's table.
+        """
         return self.sent(name) or self.sent(name, age=2)
 
     def answer(self, name: str) -> Places | None:
@@ -44,6 +47,6 @@ class Claims:
     def is_waiting_for(self, name: str, place: str) -> bool:
         """Whether a robot waits for a place, or has just asked for it."""
         wish = self.wish(name)
-        last = self.last(name)
+        newest = self.newest(name)
         is_heard = wish is not None and place in wish.places
-        return is_heard or (last is not None and place in last.want)
+        return is_heard or (newest is not None and place in newest.want)

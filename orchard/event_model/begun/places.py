@@ -56,9 +56,9 @@ class PlacesOfRobots:
 
     def _told(self, me: Doing) -> list[str]:
         """Return the places that a robot's last claim named as kept."""
-        last = self._claims.last(me.name)
-        if last is not None:
-            return last.keep
+        newest = self._claims.newest(me.name)
+        if newest is not None:
+            return newest.keep
         if set(me.memory.agreed) == set(me.memory.reserved):
             return list(me.memory.reserved)
         return list(me.memory.agreed)
@@ -83,9 +83,9 @@ class PlacesOfRobots:
 
     def _wanted(self, me: Doing) -> tuple[list[str], str]:
         """Return the places that a robot claims, and the partner that may have them."""
-        last = self._claims.last(me.name)
-        if last is not None:
-            return last.want, last.beside
+        newest = self._claims.newest(me.name)
+        if newest is not None:
+            return newest.want, newest.beside
         wish = self._claims.wish(me.name)
         if wish is not None:
             return wish.places, wish.beside

@@ -1,4 +1,4 @@
-"""Compiled functions that compiled functions of other files call by their address in memory.
+"""Calls between compiled functions of different files, by the address of the called one.
 
 So the code of a large function is made once, and not again within each function that calls it.
 """
@@ -11,32 +11,36 @@ from orchard.sim.kernels.jit import INTEGER
 
 
 def address_of(kernel: Any, signature: tuple[Any, ...]) -> int:
-    """Return the address of a kernel that is compiled for a signature, in this process."""
-    code = kernel.overloads[signature]
-    address: int = code.library.get_pointer_to_function(code.fndesc.llvm_func_name)
+    """Return the address in memory of a kernel in this process.
+
+    The kernel must have been compiled for the signature, or this raises KeyError.
+    """
+    compiled = kernel.overloads[signature]
+    address: int = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
     return address
 
 
-def calls(arguments: tuple[Any, Any]) -> Any:
-    """Return the function that calls a kernel by its address, in compiled functions.
+def caller_by_address(argument_types: tuple[Any, Any]) -> Any:
+    """Return a function for compiled code: `call(address, first, second)` calls a kernel.
 
-    `arguments`: the types of the kernel's two arguments. Its result is a whole number.
+    `argument_types`: the types of the kernel's two arguments. Its result is a whole number.
     """
 
     @intrinsic
     def call(typing: Any, address: Any, first: Any, second: Any) -> Any:
         """Call the kernel at an address."""
 
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            """Write the call as numba writes its own."""
+        def generate(context: Any, builder: Any, signature: Any, operands: Any) -> Any:
+            """Write the call in the code of LLVM, by numba's own convention."""
+            address_operand, *argument_operands = operands
             convention = context.call_conv
-            kind = convention.get_function_type(INTEGER, arguments)
-            function = builder.inttoptr(values[0], kind.as_pointer())
+            kind = convention.get_function_type(INTEGER, argument_types)
+            function = builder.inttoptr(address_operand, kind.as_pointer())
             _, result = convention.call_function(
-                builder, function, INTEGER, arguments, list(values[1:])
+                builder, function, INTEGER, argument_types, argument_operands
             )
             return result
 
-        return INTEGER(INTEGER, *arguments), generate
+        return INTEGER(INTEGER, *argument_types), generate
 
     return call

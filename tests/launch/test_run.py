@@ -4,6 +4,9 @@ import json
 import re
 import signal
 import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
@@ -15,13 +18,31 @@ from recordings import seconds_of
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 
-FIRST_CALLS = 45  # s, simulated: two bins are full by 31 s, and a carrier brings an empty one
-FIRST_UNLOADING = (
-    300  # s, simulated: the first bin of 3 rows and 2 pickers is unloaded before, with seeds 1 to 5
-)
-FEW = SMALL.model_copy(
-    update={"pickers": 3, "carriers": 3, "row_length": 30.0}
-)  # calls have more than one offer
+# s, simulated: two bins are full by 31 s, and a carrier brings an empty one.
+FIRST_CALLS = 45
+# s, simulated: the first bin of 3 rows and 2 pickers is unloaded before, with seeds 1 to 5.
+FIRST_UNLOADING = 300
+# Calls have more than one offer.
+FEW = SMALL.model_copy(update={"pickers": 3, "carriers": 3, "row_length": 30.0})
+# Figures of the summary that tell how a run was carried out, and not what happened in it.
+OF_THE_MODE = {
+    "mode",
+    "hosts",
+    "wall_seconds",
+    "times_real_time",
+    "recording_parts",
+    "recording_gaps",
+    "messages_dropped",
+}
+
+
+@dataclass(frozen=True)
+class HarvestRun:
+    """What a harvest has left: its summary, its recording, and what it has printed."""
+
+    summary: dict[str, Any]
+    recording: Path
+    printed: str
 
 
 @pytest.fixture(scope="module")
@@ -29,14 +50,26 @@ def few(tmp_path_factory):
     return scenario_file(tmp_path_factory.mktemp("few"), FEW)
 
 
-def processes_of(run: subprocess.Popen) -> dict[str, psutil.Process]:
+def processes_of(run: subprocess.Popen) -> list[psutil.Process]:
+    """Return the processes of a run beside `run.py` itself."""
     children = psutil.Process(run.pid).children(recursive=True)
-    return {
-        word.removeprefix("orchard.processes."): child
+    return [
+        child
         for child in children
-        for word in child.cmdline()
-        if word.startswith("orchard.processes.")
-    }
+        if any(word.startswith("orchard.processes.") for word in child.cmdline())
+    ]
+
+
+def run_as_in_local_mode(folder, scenario, seconds, *words):
+    """Run `orchard` with words for some seconds. Return its summary.
+
+    Its hash must be that of a run of `scenario` in this process.
+    """
+    path = folder / "summary.json"
+    orchard("--record", "none", "--duration", seconds, "--summary", path, *words)
+    summary = summary_of(path)
+    assert summary["hash"] == local_hash(scenario, seconds * 10)
+    return summary
 
 
 @pytest.fixture(scope="module")
@@ -50,27 +83,20 @@ def local(tmp_path_factory, few):
 def lockstep(tmp_path_factory, few):
     folder = tmp_path_factory.mktemp("lockstep")
     done = orchard(few, "--record", folder / "run.rrd", "--summary", folder / "summary.json")
-    return summary_of(folder / "summary.json"), folder / "run.rrd", done.stdout
+    return HarvestRun(summary_of(folder / "summary.json"), folder / "run.rrd", done.stdout)
 
 
 def test_a_harvest_in_lockstep_is_that_of_local_mode(local, lockstep):
-    assert lockstep[0]["hash"] == local["hash"]
-    own = {
-        "mode",
-        "hosts",
-        "wall_seconds",
-        "times_real_time",
-        "recording_parts",
-        "recording_gaps",
-        "messages_dropped",
-    }
-    assert {k: v for k, v in local.items() if k not in own} == {
-        k: v for k, v in lockstep[0].items() if k not in own
-    }
+    assert lockstep.summary["hash"] == local["hash"]
+    assert what_happened(local) == what_happened(lockstep.summary)
+
+
+def what_happened(summary):
+    return {name: value for name, value in summary.items() if name not in OF_THE_MODE}
 
 
 def test_the_summary_tells_how_good_the_harvest_was(lockstep):
-    summary, _, printed = lockstep
+    summary = lockstep.summary
     assert summary["finished"] is True
     assert summary["rows_picked"] == summary["bins_delivered"] == summary["rows"] == 3
     assert summary["ticks"] == pytest.approx(10 * summary["sim_seconds"])
@@ -92,44 +118,28 @@ def test_the_summary_tells_how_good_the_harvest_was(lockstep):
         "weeds_flattened",
     } <= summary.keys()
     assert {"collisions", "collisions_of_people_and_animals"} <= summary.keys()
-    assert "What limits it: " in printed and "To try next: " in printed
-    assert summary["hash"] in printed
+    assert "What limits it: " in lockstep.printed and "To try next: " in lockstep.printed
+    assert summary["hash"] in lockstep.printed
 
 
 def test_the_hash_is_last_after_the_command_to_open_it(lockstep):
-    """The hash is last and before it the command that opens the recording."""
-    summary, recording, printed = lockstep
-    last, hash_line = printed.strip().splitlines()[-2:]
-    assert hash_line == f"hash {summary['hash']}"
-    assert re.fullmatch(r"To watch it: \S+ run\.py view \S+", last)
-    assert last.endswith(str(recording))
+    watch_line, hash_line = lockstep.printed.strip().splitlines()[-2:]
+    assert hash_line == f"hash {lockstep.summary['hash']}"
+    assert re.fullmatch(r"To watch it: \S+ run\.py view \S+", watch_line)
+    assert watch_line.endswith(str(lockstep.recording))
 
 
 def test_the_recording_holds_the_whole_run(lockstep):
-    summary, recording, _ = lockstep
-    assert seconds_of(recording) == pytest.approx(summary["sim_seconds"], abs=1.0)
+    summary = lockstep.summary
+    assert seconds_of(lockstep.recording) == pytest.approx(summary["sim_seconds"], abs=1.0)
     lacks = {key: summary[key] for key in ("recording_parts", "recording_gaps", "messages_dropped")}
     assert lacks == {"recording_parts": ["run.rrd"], "recording_gaps": [], "messages_dropped": 0}
 
 
 def test_progress_is_json_for_programs_in_every_mode():
     for mode in ("local", "lockstep"):
-        done = orchard(
-            "--rows",
-            3,
-            "--mode",
-            mode,
-            "--hosts",
-            1,
-            "--speed",
-            10,
-            "--duration",
-            10,
-            "--record",
-            "none",
-            "--progress",
-            "json",
-        )
+        words = ["--rows", 3, "--mode", mode, "--hosts", 1, "--speed", 10, "--duration", 10]
+        done = orchard(*words, "--record", "none", "--progress", "json")
         lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
         assert lines and all(json.loads(line)["progress"]["rows"] == 3 for line in lines), (
             done.stdout
@@ -137,19 +147,13 @@ def test_progress_is_json_for_programs_in_every_mode():
 
 
 def test_the_hash_does_not_depend_on_processes(tmp_path, few):
-    """With more agents, and with a recording, in `make soak`; `lockstep`, above, has a
-    recording.
+    """Here each agent has a process of its own.
+
+    `make soak` tries more seeds and numbers of processes, also with a recording.
     """
-    summary = summary_as_in_local_mode(
-        tmp_path,
-        FEW.model_copy(update={"seed": 2}),
-        FIRST_CALLS,
-        few,
-        "--seed",
-        2,
-        "--hosts",
-        "each",
-    )
+    second_seed = FEW.model_copy(update={"seed": 2})
+    words = [few, "--seed", 2, "--hosts", "each"]
+    summary = run_as_in_local_mode(tmp_path, second_seed, FIRST_CALLS, *words)
     assert summary["hosts"] == len(lay_out(FEW).agents)
     assert summary["rows_picked"] >= 2, "carriers come"
 
@@ -159,35 +163,18 @@ def test_the_hash_does_not_depend_on_processes(tmp_path, few):
 @pytest.mark.parametrize("hosts", [1, 2, 5, "each"])
 @pytest.mark.parametrize("record", [True, False])
 def test_soak_the_hash_does_not_depend_on_processes(tmp_path, hosts, seed, record):
-    arguments = [
-        "--rows",
-        3,
-        "--seed",
-        seed,
-        "--hosts",
-        hosts,
-        "--record",
-        tmp_path / "run.rrd" if record else "none",
-    ]
-    summary = summary_as_in_local_mode(
-        tmp_path, Scenario(rows=3, seed=seed), FIRST_UNLOADING, *arguments
-    )
+    recording = tmp_path / "run.rrd" if record else "none"
+    words = ["--rows", 3, "--seed", seed, "--hosts", hosts, "--record", recording]
+    scenario = Scenario(rows=3, seed=seed)
+    summary = run_as_in_local_mode(tmp_path, scenario, FIRST_UNLOADING, *words)
     assert summary["bins_delivered"] >= 1
-
-
-def summary_as_in_local_mode(folder, scenario, seconds, *arguments):
-    path = folder / "summary.json"
-    orchard("--record", "none", "--duration", seconds, "--summary", path, *arguments)
-    summary = summary_of(path)
-    assert summary["hash"] == local_hash(scenario, seconds * 10)
-    return summary
 
 
 def test_ctrl_c_stops_everything_and_closes_the_recording(tmp_path):
     recording = tmp_path / "run.rrd"
     with running("--rows", 3, "--record", recording, "--speed", 8) as run:
-        children = list(processes_of(run).values())
-        assert len(children) == 3, "physics, agents (two of one name), logger"
+        children = processes_of(run)
+        assert len(children) == 4, "physics, two hosts of agents, logger"
         wait_until_simulated(run, 1.0)
         run.send_signal(signal.SIGINT)
         printed, _ = run.communicate(timeout=PATIENCE)
@@ -198,7 +185,7 @@ def test_ctrl_c_stops_everything_and_closes_the_recording(tmp_path):
     assert "To watch it" in printed
     assert seconds_of(recording) > 0.5
     folder = re.search(r"To go on: .* --resume (\S+)", printed).group(1)
-    summary_as_in_local_mode(tmp_path, Scenario(rows=3), 30, "--resume", folder, "--mode", "local")
+    run_as_in_local_mode(tmp_path, Scenario(rows=3), 30, "--resume", folder, "--mode", "local")
 
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 
 import msgpack
 import pytest
-from bad_messages import RUN, bad, refusal_of
+from bad_messages import RUN, bad_messages, refusal_of
 from local_runs import SMALL
 from recorded_messages import KEYS, Net, Query, Run, StandIn, oversized, rewritten
 
@@ -25,7 +25,7 @@ def test_replies_to_requests_are_refused_unless_they_are_answers(other):
     host = Run(SMALL, RUN, 1).host
     asked = SentRequest("bin_01", 7, 0, "picker_01", StateRequest())
     thrown = 0
-    for _, payload in bad(other, "mail", 4000, 3):
+    for _, payload in bad_messages(other, "mail", 4000, 3):
         host.handle(Replied(asked, payload, ""))
         thrown += 1
     stale = [Received(RUN, 6), Received(RUN, 8), Answered(RUN, 8, None)]
@@ -71,7 +71,7 @@ def test_who_asks_takes_the_reply_that_makes_sense(other, what, type_):
     example = next(p for _, p in reversed(other[what]) if not refusal_of(p, type_, "other"))
     good = rewritten(example, run=RUN)
     refusals = Refusals()
-    bads = [payload for _, payload in bad(other, what, 500, 4)]
+    bads = [payload for _, payload in bad_messages(other, what, 500, 4)]
     crowd = Crowd([*bads, good])
     reply = ask(
         crowd,

@@ -3,7 +3,7 @@
 import re
 import subprocess
 import sys
-import time
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -13,6 +13,9 @@ from orchard.field.scenario import Scenario, with_changes
 from orchard.local import Local
 from orchard.study.runs import DECIDING, PlannedRun, RunFailed, do
 
+# Times of the clock, s.
+NO_DEADLINE = inf
+IS_OVER = 0.0
 SCENARIO = Scenario(
     rows=3,
     row_length=60.0,
@@ -23,9 +26,8 @@ SCENARIO = Scenario(
 
 
 def test_both_models_tell_nearly_the_same():
-    fast, full = (
-        do(PlannedRun(SCENARIO, model), time.time() + 1000.0) for model in ("fast", "full")
-    )
+    fast = do(PlannedRun(SCENARIO, "fast"), NO_DEADLINE)
+    full = do(PlannedRun(SCENARIO, "full"), NO_DEADLINE)
     assert (fast.ended, fast.bins, full.ended, full.bins) == ("harvested", 3, "harvested", 3)
     assert fast.sim_seconds == pytest.approx(full.sim_seconds, rel=0.04)
     assert (fast.bound_bins_per_hour, fast.bottleneck) == (
@@ -36,7 +38,7 @@ def test_both_models_tell_nearly_the_same():
 
 
 def test_a_full_run_that_takes_too_long_is_given_up():
-    assert do(PlannedRun(SCENARIO, "full"), time.time()) is None
+    assert do(PlannedRun(SCENARIO, "full"), IS_OVER) is None
 
 
 def test_a_run_without_its_hash_is_the_same_run():
@@ -50,8 +52,6 @@ def test_a_run_without_its_hash_is_the_same_run():
 
 @pytest.mark.parametrize("error", [LookupError("no such bin"), SystemExit(0)])
 def test_an_error_in_a_run_does_not_end_the_program(error, monkeypatch):
-    """An error in a run is told with the run and does not end the program."""
-
     def fail(*_):
         raise error
 
@@ -59,7 +59,7 @@ def test_an_error_in_a_run_does_not_end_the_program(error, monkeypatch):
     with pytest.raises(
         RunFailed, match=rf"seed 1, fast model, rolling: {type(error).__name__}: {error}"
     ):
-        do(PlannedRun(SCENARIO, "fast"), time.time())
+        do(PlannedRun(SCENARIO, "fast"), NO_DEADLINE)
 
 
 WRONG_POLICIES = [
@@ -74,35 +74,31 @@ WRONG_POLICIES = [
 @pytest.mark.parametrize("horizon", ["harvest", "long"])
 @pytest.mark.parametrize(("policy", "words"), WRONG_POLICIES)
 def test_what_is_wrong_with_a_policy_is_told_with_its_place(policy, words, horizon):
-    """That is in the own file of the user, and not in a library."""
+    """The place is a line of the user's own file, and not of a library."""
     fault = (
         rf"dispatch policy own_policies\.{policy}, tick \d+: {words} \([^()]*own_policies\.py, line"
         r" \d+\)$"
     )
+    scenario = with_changes(SCENARIO, dispatch=f"own_policies.{policy}")
     with pytest.raises(RunFailed, match=fault):
-        do(
-            PlannedRun(with_changes(SCENARIO, dispatch=f"own_policies.{policy}"), "fast", horizon),
-            time.time(),
-        )
+        do(PlannedRun(scenario, "fast", horizon), NO_DEADLINE)
 
 
 def test_a_full_run_tells_what_failed_in_an_own_policy():
-    """A full run tells what failed in a policy of the user's own."""
-    record = do(
-        PlannedRun(with_changes(SCENARIO, dispatch="own_policies.Raising"), "full"),
-        time.time() + 1000.0,
-    )
+    scenario = with_changes(SCENARIO, dispatch="own_policies.Raising")
+    record = do(PlannedRun(scenario, "full"), NO_DEADLINE)
     assert record.ended == "harvested"
     refused, broken = record.faults.splitlines()
     assert re.fullmatch(r"refused decisions of the dispatch policy: [1-9]\d*", refused)
     assert broken.startswith("dispatch, since tick ")
 
 
-# They show, read or keep what a run gives, and change nothing of it.
+# Packages that a run loads, and that only show, read or keep what it gives.
 AROUND_A_RUN = {"terminal", "view", "wire"}
 
 
-def test_each_package_that_does_a_run_decides_what_is_known() -> None:
+def test_stored_runs_are_of_each_package_that_decides_a_run():
+    """A stored run is used again while the code of the packages in DECIDING is the same."""
     code = "import sys, orchard.local, orchard.report.long_run, orchard.event_model.kernel.entry"
     program = [sys.executable, "-c", f"{code}; print(*sys.modules)"]
     loaded = subprocess.run(program, capture_output=True, check=True, text=True)

@@ -1,7 +1,8 @@
-"""Bad messages: damaged ones, of another run and of this one, and none that make sense."""
+"""Damaged messages that no receiver of a run may accept, made of recorded ones."""
 
 import itertools
 import random
+from collections.abc import Iterator
 
 from recorded_messages import mutants, rewritten
 
@@ -10,20 +11,23 @@ from orchard.wire.keys import TABLE
 from orchard.wire.messages import VelocityParts
 
 RUN = "run1"
-EMPTY = ("state", "simulation_state", "scenario", "layout")  # queries without a payload
+# Queries without a payload.
+EMPTY = ("state", "simulation_state", "scenario", "layout")
 
 
-def make_sense(what: str, payload: bytes) -> bool:
-    """Whether it is a message of this run: those are not thrown."""
+def would_be_accepted(what: str, payload: bytes) -> bool:
+    """Whether a receiver of this run could take a payload for a message of a kind."""
+    if what in EMPTY and not payload:
+        return True
+    # The good parts of a sender count, even if its other parts are malformed.
     if what == "velocities" and not refusal_of(payload, VelocityParts, RUN):
-        return True  # each part counts by itself
+        return True
     types = [type_ for type_ in (TABLE[what].message, *TABLE[what].replies) if type_ is not None]
-    return any(not refusal_of(payload, type_, RUN) for type_ in types) or (
-        what in EMPTY and not payload
-    )
+    return any(not refusal_of(payload, type_, RUN) for type_ in types)
 
 
 def refusal_of(payload: bytes, type_: type, run: str) -> str:
+    """Return why a payload is refused as a message of a type in a run; "" if it is accepted."""
     try:
         read_message(payload, type_, run)
     except Refused as refusal:
@@ -31,16 +35,18 @@ def refusal_of(payload: bytes, type_: type, run: str) -> str:
     return ""
 
 
-def bad(messages, what: str, count: int, seed: int):
-    """(key, payload): of another run and damaged, or of this run and damaged so that they are no
-    messages.
+def bad_messages(messages, what: str, count: int, seed: int) -> Iterator[tuple[str, bytes]]:
+    """Yield (key, payload) of `count` bad messages of a kind.
+
+    They are mutants of each recorded message in turn: as it is, which is of another run, and
+    rewritten as one of RUN.
     """
     chance = random.Random(f"{what} {seed}")
-    sources = [
-        (key, p) for key, payload in messages[what] for p in (payload, rewritten(payload, run=RUN))
+    endless = [
+        (key, mutants(original, chance))
+        for key, payload in messages[what]
+        for original in (payload, rewritten(payload, run=RUN))
     ]
-    kinds = [(key, mutants(payload, chance)) for key, payload in sources]
-    thrown = ((key, next(of)) for key, of in itertools.cycle(kinds))
-    return itertools.islice(
-        ((key, payload) for key, payload in thrown if not make_sense(what, payload)), count
-    )
+    candidates = ((key, next(payloads)) for key, payloads in itertools.cycle(endless))
+    no_messages = (one for one in candidates if not would_be_accepted(what, one[1]))
+    return itertools.islice(no_messages, count)

@@ -18,7 +18,7 @@ import msgpack
 import numpy as np
 import psutil
 import pytest
-from bad_messages import RUN, bad, refusal_of
+from bad_messages import RUN, bad_messages, refusal_of
 from local_runs import AGENTS, SMALL, local_hash
 from recorded_messages import HOST, KEYS, Net, Query, Run, StandIn, oversized
 
@@ -143,7 +143,7 @@ class Thrower:
         self.memory.append(psutil.Process().memory_info().rss)
         for whats, bus in ((TO_PHYSICS, self.run.physics.bus), (TO_HOST, self.run.host.bus)):
             for what in whats:
-                for key_, bad_ in bad(self._messages, what, self._each, tick):
+                for key_, bad_ in bad_messages(self._messages, what, self._each, tick):
                     self.throw(bus, what, key_, bad_, 1)
                 for message, refusals in impossible(what, tick):
                     self.throw(
@@ -231,7 +231,7 @@ def test_the_logger_refuses_them_and_writes_nothing(other, logger):
     thrown = 0
     for what in ("bundle", "lost", "end"):
         for key, payload in [
-            *bad(other, what, 3000, 0),
+            *bad_messages(other, what, 3000, 0),
             *((KEYS.of(what), p) for p in oversized()),
         ]:
             logger._handle(Sample(key, payload))
@@ -299,8 +299,10 @@ def test_run_py_refuses_them_and_shows_nothing(other):
         "waits_for": {},
         "messages_refused": {},
     }
-    thrown = [item for what in ("figures", "end") for item in bad(other, what, 3000, 1)] + [
-        ("orchard/figures", msgpack.packb(half))
+    thrown = [
+        *bad_messages(other, "figures", 3000, 1),
+        *bad_messages(other, "end", 3000, 1),
+        ("orchard/figures", msgpack.packb(half)),
     ]
     for key, payload in thrown:
         with pytest.raises(Refused):
@@ -310,7 +312,7 @@ def test_run_py_refuses_them_and_shows_nothing(other):
 
 def test_keys_that_only_others_hear_are_read_by_the_same_rules(other):
     for what in ("pose", "scan", "clock", "state"):
-        for _, payload in bad(other, what, 1500, 2):
+        for _, payload in bad_messages(other, what, 1500, 2):
             assert refusal_of(payload, TABLE[what].message, RUN)
 
 

@@ -1,5 +1,5 @@
-"""Secured runs: a bridge drives, pauses and resets what its role allows, and no more, also if it
-claims to.
+"""Secured runs: a bridge drives, pauses and resets what its role allows, and no more, even if its
+own files claim more.
 """
 
 import json
@@ -21,7 +21,7 @@ FIND_SECONDS = 60.0
 
 
 def page():
-    """The words of the page's commands: make roles, run, bridge."""
+    """The words of the page's three commands (make roles, run, bridge), without the program."""
     return [line.split()[1:] for line in block("ros2 secured").splitlines()]
 
 
@@ -36,20 +36,17 @@ def made_roles(folder):
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("secured")
-    roles, (_, words, bridge) = made_roles(folder), page()
-    bridge = [
-        word.replace("secure:=", f"secure:={folder}/") for word in bridge if word != "--ros-args"
-    ]
-    del (
-        words[words.index("--listen") :],
-        bridge[: bridge.index("-p") + 2],
-    )  # the scene chooses a free port
-    with scene(folder, [*words, "--rows", "3"], bridge) as made:
-        made.roles, made.odom, made.clock = (
-            roles,
-            made.user.hear("picker_01/odom", Odometry, 10),
-            made.user.hear("clock", Clock, 10),
-        )
+    roles = made_roles(folder)
+    _, orchard_words, bridge_words = page()
+    # The scene chooses a free port: the page's endpoint goes, which is the last option of the
+    # run's command and the first parameter of the bridge's.
+    orchard_words = orchard_words[: orchard_words.index("--listen")]
+    parameters = bridge_words[bridge_words.index("-p") + 2 :]
+    parameters = [word.replace("secure:=", f"secure:={folder}/") for word in parameters]
+    with scene(folder, [*orchard_words, "--rows", "3"], parameters) as made:
+        made.roles = roles
+        made.odom = made.user.hear("picker_01/odom", Odometry, 10)
+        made.clock = made.user.hear("clock", Clock, 10)
         made.user.until(lambda: made.odom, BEGIN_SECONDS)
         yield made
 
@@ -60,11 +57,19 @@ def forward(speed):
     return message
 
 
+def publish_until(run, orders, speed, is_enough):
+    """Give orders to drive forward again and again, until it is enough."""
+
+    def publish_and_look():
+        orders.publish(forward(speed))
+        return is_enough()
+
+    run.user.until(publish_and_look)
+
+
 def drives(run, speed):
     orders = run.user.node.create_publisher(TwistStamped, "picker_01/cmd_vel", 10)
-    run.user.until(
-        lambda: orders.publish(forward(speed)) or run.odom[-1].twist.twist.linear.x == speed
-    )
+    publish_until(run, orders, speed, lambda: run.odom[-1].twist.twist.linear.x == speed)
     run.user.until(lambda: run.odom[-1].twist.twist.linear.x == 0.0)  # nothing drives it any more
 
 
@@ -102,7 +107,7 @@ def test_a_claim_beyond_its_role_moves_and_controls_nothing(run):
         orders = run.user.node.create_publisher(TwistStamped, "forged/picker_01/cmd_vel", 10)
         run.user.until(lambda: seen and orders.get_subscription_count(), FIND_SECONDS)
         begin = len(seen)
-        run.user.until(lambda: orders.publish(forward(1.0)) or len(seen) > begin + TICKS)
+        publish_until(run, orders, 1.0, lambda: len(seen) > begin + TICKS)
         assert {odom.twist.twist.linear.x for odom in seen[begin:]} == {0.0}
         assert not run.user.call("forged/set_simulation_state/paused", Trigger).success
         assert "playing" in run.user.call("get_simulation_state", Trigger).message
@@ -128,9 +133,9 @@ def test_a_robot_that_the_role_may_not_drive_is_named(run):
 
 
 def test_a_role_that_another_bridge_has_is_waited_for(run):
-    """A bridge that has just been killed has its role for some seconds more.
+    """A second bridge with a role waits until the first one is gone, and the first one drives on.
 
-    A run that begins accepts none for as long.
+    So a bridge that is killed and begun again waits for the few seconds for which it still counts.
     """
     log = run.folder / "second.log"
     with bridging(run.endpoint, ["-p", f"secure:={run.roles / 'ros2'}"], log) as second:
@@ -138,11 +143,11 @@ def test_a_role_that_another_bridge_has_is_waited_for(run):
     drives(run, 0.5)
 
 
-def test_certificates_of_another_authority_are_told(run, tmp_path):
-    others = made_roles(tmp_path / "others")
-    with bridging(
-        run.endpoint, ["-p", f"secure:={others / 'ros2'}"], tmp_path / "other.log"
-    ) as bridge:
+def test_a_bridge_with_roles_of_another_run_is_told_so(run, tmp_path):
+    """Each run's roles have an authority of their own, and neither accepts the other's."""
+    other_roles = made_roles(tmp_path / "others")
+    words = ["-p", f"secure:={other_roles / 'ros2'}"]
+    with bridging(run.endpoint, words, tmp_path / "other.log") as bridge:
         assert bridge.wait(FIND_SECONDS) == 2
     told = (tmp_path / "other.log").read_text()
     assert "do not accept each other" in told and "Traceback" not in told

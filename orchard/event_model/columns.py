@@ -90,6 +90,11 @@ OP = np.dtype(
         ("is_queueing", np.bool_),
         # Of a drive: its robot said that it picks.
         ("picks", np.bool_),
+        # Of a picker's drive along the row in which it will leave its bin, seen by that bin: it
+        # reports up to here, along the line; and, as of BEGIN_ROW, only while the picker drives.
+        ("is_seen", np.bool_),
+        ("tells_to", np.float64),
+        ("tells_on_drive", np.bool_),
         # Of a drive on which its robot may fail, s: mean times of work up to that, and of the
         # repair. 0: it does not fail.
         ("mean_between", np.float64),
@@ -375,10 +380,19 @@ CALL = np.dtype(
         ("failed", np.int64),
         ("stood_since", np.int64),
         ("stood_until", np.int64),
-        # Whether it has been reported to the dispatcher, and whether it still waits there.
+        # A tick from which it reports each CALL_AGAIN ticks; one from which it does not, until it
+        # sees its picker drive, or is left.
+        ("reports_from", np.int64),
+        ("silent_since", np.int64),
+        # Whether it has been reported to the dispatcher; whether it still waits there, and since
+        # which tick; whether a carrier was sent.
         ("is_reported", np.bool_),
         ("is_open", np.bool_),
+        ("known_since", np.int64),
+        ("is_served", np.bool_),
+        # Whether the policy has a carrier for it, and whether it will not hear of that.
         ("is_booked", np.bool_),
+        ("is_missed", np.bool_),
         # Whether the policy decides on it now; for a policy in Python the s until it is full, and
         # then whether it gets a carrier.
         ("is_asked", np.bool_),

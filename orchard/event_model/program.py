@@ -26,7 +26,7 @@ from orchard.field.passes import Pass
 from orchard.field.queue import BESIDE
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.plans import steps as st
-from orchard.plans.forecast import EARLIER, until_full
+from orchard.plans.forecast import ALONG, EARLIER, until_full
 from orchard.plans.robot import Gate, Step
 from orchard.plans.route import OneWay
 from orchard.plans.routes import ROUTES, route_of, way_to
@@ -346,6 +346,7 @@ class Program:
             arg=c.NONE if row is None else row,
             is_queueing=step.queueing,
             picks=writer.state == "picking",
+            **self._seen(writer, end, sign),
             **_failing(writer),
         )
 
@@ -496,7 +497,39 @@ class Program:
         side = self.route.sides[drive.end]
         to_end = abs(self.route.end(drive.row, side) - drive.stop)
         seconds = until_full(self.layout, drive.row, side.name, 0.0, before + to_end)
-        self._append(step, c.BEGIN_ROW, metres=before, seconds=seconds, arg=number)
+        self._append(
+            step,
+            c.BEGIN_ROW,
+            metres=before,
+            seconds=seconds,
+            arg=number,
+            tells_on_drive=before + to_end > ALONG,
+        )
+
+    def _seen(self, writer: _Writer, end: Pose, sign: int) -> dict[str, Any]:
+        """Return the columns of a drive that tell what a picker's bin sees of it.
+
+        `end`: where the drive leads. `sign`: of its line.
+        """
+        if not writer.passes:
+            return {}
+        _, drive = writer.passes[0]
+        is_in_row = abs(writer.pose.y - self.layout.lane(drive.row).y) < ALONG
+        heading = "EAST" if drive.end == "east" else "WEST"
+        is_along = nearest_heading(writer.pose.yaw) == heading
+        if not drive.leaves_bin or not is_in_row or not is_along:
+            return {}
+        row_end = self.route.end(drive.row, self.route.sides[drive.end])
+        begin = drive.begin
+        if writer.state == "picking" or sign * writer.pose.x > sign * begin:
+            begin = writer.pose.x
+        drives_first = sign * (begin - writer.pose.x) > ALONG
+        drives_after = abs(row_end - drive.stop) > ALONG
+        return {
+            "is_seen": True,
+            "tells_to": sign * row_end,
+            "tells_on_drive": drives_first or drives_after,
+        }
 
     def _picked_row(self, step: st.DriveTo, writer: _Writer) -> int | None:
         """Return the row, from 0, at the speed of which a drive picks; None if it picks nothing."""

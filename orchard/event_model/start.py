@@ -92,6 +92,7 @@ def _initial(
     calls.failed = c.NONE
     calls.measured = c.NONE
     calls.stood_until = c.NONE
+    calls.silent_since = c.NEVER
     timers = np.full((c.EVENTS, count), c.NEVER)
     timers[c.WAKE] = 0
     exchanges = program.bins + count

@@ -29,6 +29,15 @@ CELLS: dict[str, dict[str, Any]] = {
         **{"rows": 8, "pickers": 7, "carriers": 2, "row_length": 24.0, "picking_speed": 0.5},
         **{"dispatch": "predictive-farthest", "picking": SPREAD, "seed": 4},
     },
+    "bins that do not report while their pickers leave the rows": {
+        **{"rows": 4, "pickers": 2, "carriers": 2, "row_length": 24.0},
+        **{"dispatch": "rolling", "route": "one-way"},
+    },
+    "bins inside rows that report once their pickers move": {
+        **{"rows": 8, "pickers": 5, "carriers": 10, "row_length": 24.0, "picking_speed": 1.0},
+        **{"dispatch": "predictive", "route": "one-way", "rows_to_pickers": "balanced-ends"},
+        "metres_per_bin": 17.5,
+    },
 }
 # Six carriers move up in a line behind one that turns.
 TURNING: dict[str, Any] = {

@@ -14,11 +14,13 @@ from orchard.event_model.begun.moment import RunMoment
 from orchard.event_model.begun.robots import Doing, Ops
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel import calls as kernel
-from orchard.event_model.kernel.calls import HEARD, ORDERED
+from orchard.event_model.kernel import reports
 from orchard.event_model.kernel.handling import MAIL
+from orchard.event_model.kernel.reports import HEARD, ORDERED, REPORTED
 from orchard.event_model.plain import as_python
 from orchard.field.kinds import DISPATCH
 from orchard.field.scenario import TIME_STEP
+from orchard.plans.forecast import ALONG
 from orchard.sim.world import NONE
 
 
@@ -40,7 +42,7 @@ class CallsOfBins:
         self._coupled = moment.world.coupled.tolist()
         self._full = moment.world.full.tolist()
         self._index = moment.world.layout.index
-        self._is_early = as_python(kernel.is_early)(harvest.model)
+        self._is_early = as_python(reports.is_early)(harvest.model)
         self._has_dispatcher = harvest.model.desk[0].policy != c.BY_CALLS
         self._dispatcher: DispatcherMemory = moment.memories.get(DISPATCH) or DispatcherMemory()
         self._bookings = self._dispatcher.bookings
@@ -115,6 +117,7 @@ class CallsOfBins:
         memory = self._begin_call(picker, picker.bin, drive)
         call = self._model.calls[picker.number]
         call.full = self._full_at(picker, begun, drive)
+        call.silent_since = self._silent_since(picker, memory)
         is_repaired = picker.state == c.REPAIRED
         if is_repaired and self._picks(picker):
             call.failed = self._tick
@@ -123,7 +126,9 @@ class CallsOfBins:
             # It has not called yet, or has paused: it had thought that its picker would be faster.
             call.is_reported = False
             call.since = max(self._tick, calls_at)
-            self._model.timers[c.REPORT, picker.number] = c.QUARTERS * call.since
+            call.reports_from = call.since
+            if call.since < call.silent_since:
+                self._model.timers[c.REPORT, picker.number] = c.QUARTERS * call.since
         else:
             self._go_on_calling(picker, self._harvest.bin_names[picker.bin], memory)
 
@@ -138,7 +143,25 @@ class CallsOfBins:
         # A bin that has paused, because it was to be full later than it had thought, reports in
         # another rhythm than that of its first report.
         call.since = memory.since + (memory.asked - memory.since) % CALL_AGAIN
+        call.reports_from = call.since
+        call.known_since = call.since
+        call.silent_since = c.NEVER
+        call.is_served = bool(memory.carrier)
         return memory
+
+    def _silent_since(self, picker: Doing, memory: BinMemory) -> int:
+        """Return the tick from which a bin that its picker fills does not report; NEVER: it does.
+
+        What is silent now has been since any tick after its last report.
+        """
+        silent = memory.asked + 1
+        if picker.kind == c.LEAVE_BIN:
+            return silent
+        if picker.kind != c.DRIVE or not self._ops.is_seen[picker.op]:
+            return c.NEVER
+        stands = self._ops.tells_on_drive[picker.op] and not picker.memory.driving
+        is_out = picker.here > float(self._ops.tells_to[picker.op]) + ALONG
+        return silent if stands or is_out else c.NEVER
 
     def _last_op(self, picker: Doing, kind: int) -> int | None:
         """Return a picker's last op of a kind since it got its present bin; None if there is
@@ -169,8 +192,8 @@ class CallsOfBins:
             elapsed += driven / self._speed(picker.op) / TIME_STEP
         elapsed += picker.turned
         op = self._model.ops[begun]
-        speed = as_python(kernel.speed_seen)(self._model, op, drive)
-        ticks = as_python(kernel.ticks_to_fill)(self._model, op, drive, speed)
+        speed = as_python(reports.speed_seen)(self._model, op, drive)
+        ticks = as_python(reports.ticks_to_fill)(self._model, op, drive, speed)
         return self._tick - elapsed + float(ticks)
 
     def _speed(self, op: int) -> float:
@@ -235,7 +258,8 @@ class CallsOfBins:
     def _go_on_reporting(self, picker: Doing, name: str, memory: BinMemory) -> None:
         """Set what the dispatcher knows of a bin, and when its carrier hears that it was sent."""
         call = self._model.calls[picker.number]
-        call.is_open = True
+        is_told = memory.asked >= self._tick - REPORTED
+        call.is_open = is_told or name in self._dispatcher.bins
         booking = self._bookings.get(name)
         if memory.carrier:
             # It was sent for, and hears that a tick later.
@@ -244,10 +268,12 @@ class CallsOfBins:
             return
         elif booking.is_answered:
             self._order(picker, booking.carrier, booking.told + HEARD)
+            self._plan_order(picker, booking.told - REPORTED)
         else:
             is_on_its_way = memory.asked == self._tick - 1
             asks = memory.asked if is_on_its_way else memory.asked + CALL_AGAIN
             self._order(picker, booking.carrier, asks + HEARD + ORDERED)
+            self._plan_order(picker, asks)
 
     def _is_over(self, booking: Booking) -> bool:
         """Whether a carrier that was booked for a bin has come, and the bin calls anew."""
@@ -265,6 +291,13 @@ class CallsOfBins:
         call.carrier = me.number
         me.more["is_booked"] = True
         self._model.timers[c.ORDER, picker.number] = c.QUARTERS * max(self._tick, tick)
+
+    def _plan_order(self, picker: Doing, report: int) -> None:
+        """Let the carrier of a bin that is booked be sent after a report, or be free again."""
+        if self._model.calls[picker.number].is_booked:
+            as_python(reports.plan_order)(self._model, picker.number, report)
+            order = self._model.timers[c.ORDER]
+            order[picker.number] = max(order[picker.number], c.QUARTERS * self._tick)
 
     def _take_over_policy(self) -> None:
         """Set what the policy remembers."""

@@ -55,6 +55,9 @@ class Ops:
         self.swings = rows["swings"]
         self.places = rows["places"]
         self.arg = rows["arg"]
+        self.is_seen = rows["is_seen"]
+        self.tells_to = rows["tells_to"]
+        self.tells_on_drive = rows["tells_on_drive"]
 
 
 @dataclass

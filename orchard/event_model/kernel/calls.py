@@ -3,7 +3,7 @@
 The built-in policies that rank bins are compiled; `orchard.dispatch.ranking` has their rules.
 """
 
-from math import ceil, floor
+from math import floor
 
 from orchard.behaviour.bin import CALL_AGAIN
 from orchard.behaviour.carrier import AT_HEAD, CHOOSING, MOVING_UP, REMEMBERED
@@ -14,17 +14,19 @@ from orchard.event_model.kernel.batteries import use_battery
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.motion import is_moving, x_now
 from orchard.event_model.kernel.places import tick_of
+from orchard.event_model.kernel.reports import (
+    HEARD,
+    ORDERED,
+    drop_order,
+    forgotten_at,
+    is_early,
+    is_silent,
+    last_report,
+    plan_order,
+    report_again,
+    seconds_to_full,
+)
 from orchard.field.scenario import TIME_STEP
-from orchard.plans.robot import ASK
-
-# Ticks from a call, by way of an offer, to the order that follows it.
-HEARD = ASK
-# Ticks from an order to the carrier.
-ORDERED = 1
-# Ticks from a report to the dispatcher, which takes it for new then.
-REPORTED = 1
-# Ticks from where a picker begins to pick until its bin knows how fast it does.
-MEASURED = 2
 
 
 @inner
@@ -71,97 +73,19 @@ def start_job(m, carrier, picker):
 
 
 @inner
-def is_early(m):
-    """Whether bins report before they are full."""
-    policy = m.desk[0].policy
-    is_predictive = policy == c.PREDICTIVE or policy == c.PREDICTIVE_FARTHEST
-    is_python_early = policy == c.IN_PYTHON_EARLY or policy == c.IN_PYTHON_WHEN_DUE
-    return is_predictive or is_python_early
-
-
-@inner
-def see_row(m, picker):
-    """Let a picker's bin see that the picker begins a row, or to drive into it."""
-    me = m.robots[picker]
-    op = m.ops[me.op]
-    drive = m.passes[op.arg]
-    tick = tick_of(m)
-    m.bins[me.bin].is_left = False
-    if not is_early(m):
-        return
-    seen = tick
-    if op.metres > 0.0:
-        seen = tick + 1
-    full = tick + ticks_to_fill(m, op, drive, speed_seen(m, op, drive))
-    call = m.calls[picker]
-    if call.bin != me.bin:
-        call.bin = me.bin
-        call.end = drive.end
-        call.is_reported = False
-        call.is_open = False
-        call.is_booked = False
-        call.failed = c.NONE
-    call.full = full
-    call.mean_full = tick + ticks_to_fill(m, op, drive, m.desk[0].mean_speed)
-    call.measured = tick + MEASURED
-    call.stood_until = c.NONE
-    if not call.is_reported:
-        call.since = max(seen, ceil(full - m.desk[0].horizon / TIME_STEP))
-        m.timers[c.REPORT, picker] = c.QUARTERS * call.since
-
-
-@inner
-def speed_seen(m, op, drive):
-    """Return the speed at which a bin takes its row to be picked, m/s.
-
-    It sees that only where its picker picks, and takes the mean speed before.
-    """
-    if op.metres > 0.0:
-        return m.desk[0].mean_speed
-    return m.speeds[drive.row]
-
-
-@inner
-def ticks_to_fill(m, op, drive, speed):
-    """Return the ticks from an op at which a picker begins a row until its bin is full.
-
-    `speed`: at which the row is picked, m/s.
-    """
-    return (drive.metres / speed + op.seconds) / TIME_STEP
-
-
-@inner
-def hear_failed(m, picker):
-    """Let a picker's bin see that the picker stands, and will pick no more for now."""
-    call = m.calls[picker]
-    if call.bin == m.robots[picker].bin and call.failed == c.NONE:
-        call.failed = tick_of(m)
-
-
-@inner
-def hear_repaired(m, picker):
-    """Let a picker's bin see that the picker picks on: it will be full later."""
-    call = m.calls[picker]
-    if call.failed == c.NONE:
-        return
-    tick = tick_of(m)
-    call.full += tick - call.failed
-    call.stood_since = call.failed
-    call.stood_until = tick
-    call.failed = c.NONE
-
-
-@inner
 def call_carriers(m, picker, end):
     """Let a bin call that its picker has just left full."""
     me = m.robots[picker]
     tick = tick_of(m)
     call = m.calls[picker]
     if is_early(m):
+        report_again(m, picker, tick)
         return
     call.bin = me.full_bin
     call.end = end
     call.since = tick
+    call.reports_from = tick
+    call.silent_since = c.NEVER
     call.full = tick
     call.measured = c.NONE
     call.stood_until = c.NONE
@@ -291,8 +215,11 @@ def come(m, picker):
 @inner
 def open_call(m, picker):
     """Let a bin report to the dispatcher."""
-    m.calls[picker].is_reported = True
-    m.calls[picker].is_open = True
+    call = m.calls[picker]
+    call.is_reported = True
+    if not call.is_open:
+        call.is_open = True
+        call.known_since = tick_of(m)
     wake_dispatcher(m)
 
 
@@ -302,14 +229,15 @@ def wake_dispatcher(m):
     desk = m.desk[0]
     if desk.state != c.RESTING:
         return
+    next_poll = max(tick_of(m), desk.asked + POLL_TICKS)
     earliest = c.NEVER
     for picker in range(len(m.robots)):
         call = m.calls[picker]
-        if call.is_open and not call.is_booked:
-            earliest = min(earliest, call.since)
+        if call.is_open and not call.is_booked and not is_forgotten(m, picker, next_poll):
+            earliest = min(earliest, call.known_since)
     if earliest == c.NEVER:
         return
-    desk.asked = max(tick_of(m), earliest + 1, desk.asked + POLL_TICKS)
+    desk.asked = max(next_poll, earliest + 1)
     desk.state = c.ABOUT_TO_ASK
     m.timers[c.DISPATCH, 0] = c.QUARTERS * (desk.asked + 1)
 
@@ -364,7 +292,14 @@ def decide(m):
 def is_known_to_policy(m, picker, tick):
     """Whether a bin waits at the dispatcher, and no carrier comes for it."""
     call = m.calls[picker]
-    return call.is_open and not call.is_booked and call.since < tick
+    waits = call.is_open and not call.is_booked and call.known_since < tick
+    return waits and not is_forgotten(m, picker, tick)
+
+
+@inner
+def is_forgotten(m, picker, tick):
+    """Whether the dispatcher has forgotten a bin by a tick, because it has been silent."""
+    return is_silent(m, picker) and forgotten_at(m, picker, tick) <= tick
 
 
 # -- a policy in Python
@@ -430,33 +365,6 @@ def carry_out(m):
 
 
 # -- the rules of the policies that are compiled
-
-
-@inner
-def seconds_to_full(m, picker, tick):
-    """Return the seconds until a bin is full, as the dispatcher knows them; 0 once it is.
-
-    It has the bin's last report, and takes that for new when it hears it.
-    """
-    call = m.calls[picker]
-    reported = call.since + CALL_AGAIN * ((tick - REPORTED - call.since) // CALL_AGAIN)
-    left = max(0.0, ticks_left(m, picker, reported))
-    return max(0.0, (left - (tick - REPORTED - reported)) * TIME_STEP)
-
-
-@inner
-def ticks_left(m, picker, tick):
-    """Return the ticks until a bin is full, as it knew them at a tick."""
-    call = m.calls[picker]
-    if tick < call.measured:
-        return call.mean_full - tick
-    if call.failed != c.NONE:
-        return call.full - min(tick, call.failed)
-    if tick >= call.stood_until:
-        return call.full - tick
-    # Its picker has driven on since.
-    before = call.full - (call.stood_until - call.stood_since)
-    return before - min(tick, call.stood_since)
 
 
 @inner
@@ -542,15 +450,17 @@ def order(m, carrier, picker, tick):
     call.carrier = carrier
     m.robots[carrier].is_ready = False
     m.robots[carrier].is_booked = True
-    waited = tick - call.since
-    report = call.since + CALL_AGAIN * (-(-waited // CALL_AGAIN))
-    m.timers[c.ORDER, picker] = c.QUARTERS * (report + HEARD + ORDERED)
+    plan_order(m, picker, last_report(m, picker, tick - 1) + CALL_AGAIN)
 
 
 @inner
 def send(m, picker):
-    """Let a carrier hear the order."""
+    """Let a carrier hear the order, if the bin has heard of it."""
     call = m.calls[picker]
+    if call.is_missed:
+        drop_order(m, picker)
+        return
+    call.is_served = True
     m.robots[call.carrier].is_booked = False
     m.robots[call.carrier].sent = tick_of(m) - ORDERED - HEARD
     call.is_open = False

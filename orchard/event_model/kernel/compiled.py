@@ -12,7 +12,7 @@ from orchard.behaviour import bin, carrier, dispatcher
 from orchard.dispatch import ranking
 from orchard.event_model import columns, swing
 from orchard.field import geometry
-from orchard.plans import failures, robot, sense, steps
+from orchard.plans import failures, forecast, robot, sense, steps
 from orchard.sim.kernels.jit import jit
 
 # Modules of which constants are part of the code. Those of `orchard.field` that are count for all
@@ -23,6 +23,7 @@ CONSTANTS_OF = (
     dispatcher,
     ranking,
     failures,
+    forecast,
     robot,
     sense,
     steps,

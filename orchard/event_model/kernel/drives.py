@@ -6,7 +6,6 @@ from math import ceil, floor
 
 from orchard.event_model import columns as c
 from orchard.event_model.kernel.batteries import delay_charge, note_rest, ticks_to_flat
-from orchard.event_model.kernel.calls import hear_failed, hear_repaired
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.failures import fail, is_repaired, may_fail
 from orchard.event_model.kernel.motion import after_ticks, set_alarm
@@ -17,6 +16,12 @@ from orchard.event_model.kernel.places import (
     tick_of,
     ticks_to_answer,
     want_places,
+)
+from orchard.event_model.kernel.reports import (
+    hear_failed,
+    hear_repaired,
+    see_leg,
+    see_standing,
 )
 from orchard.event_model.kernel.roads import (
     BESIDE,
@@ -81,6 +86,7 @@ def depart(m, robot):
 def stand_for(m, robot):
     """Stand for somebody who is in the way."""
     me = m.robots[robot]
+    see_standing(m, robot)
     me.state = c.MEETING
     set_alarm(m, robot, m.encounters[robot, me.meetings].ticks)
 
@@ -196,6 +202,8 @@ def begin_leg(m, robot, goal, limit, ahead, ticks):
     me.leg_limit = limit
     me.leg_goal = goal
     me.leg_ahead = ahead
+    if op.is_seen:
+        see_leg(m, robot, limit)
     me.state = c.DRIVING
     set_alarm(m, robot, ticks)
 
@@ -232,6 +240,7 @@ def stand(m, robot, ahead):
     me.follows = ahead
     if m.ops[me.op].picks:
         hear_failed(m, robot)
+    see_standing(m, robot)
     ticks = c.NEVER
     if me.bin_asked != c.NONE and not me.knows_left:
         ticks = ticks_to_word(m, robot)

@@ -6,9 +6,9 @@
 from math import ceil
 
 from orchard.event_model import columns as c
-from orchard.event_model.kernel.calls import hear_failed, hear_repaired
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.motion import set_alarm
+from orchard.event_model.kernel.reports import hear_failed, hear_repaired, see_standing
 from orchard.field.scenario import TIME_STEP
 from orchard.plans import failures
 
@@ -46,6 +46,7 @@ def fail(m, robot):
     """Begin a repair where the robot stands."""
     if m.ops[m.robots[robot].op].picks:
         hear_failed(m, robot)
+    see_standing(m, robot)
     await_repair(m, robot)
 
 

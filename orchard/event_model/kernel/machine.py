@@ -62,7 +62,6 @@ from orchard.event_model.kernel.calls import (
     hear_calls,
     job_of,
     open_call,
-    see_row,
     send,
 )
 from orchard.event_model.kernel.compiled import inner
@@ -97,6 +96,7 @@ from orchard.event_model.kernel.handling import (
 )
 from orchard.event_model.kernel.motion import set_alarm
 from orchard.event_model.kernel.places import free_places, hear_claims, hear_grant, tick_of
+from orchard.event_model.kernel.reports import see_row
 from orchard.event_model.kernel.roads import last_to_wake
 
 # Notes in the log, at most, of what a robot begins in one tick.

@@ -1,0 +1,263 @@
+"""What a bin tells the dispatcher of an early policy, and when: it reports while it is filled.
+
+It reports each CALL_AGAIN ticks. It is silent where its picker stands before what it does not pick,
+and from the end of the row until it is left, as `orchard.plans.forecast.Forecast.of` has it. Then
+it reports at once, or CALL_AGAIN ticks after its last report, and goes on in that rhythm.
+
+A carrier that the policy sends is named in the answer to the bin's next report. If the bin falls
+silent before it hears that, it does not send for the carrier. If it is silent for FORGET_TICKS, the
+dispatcher forgets the bin and the order.
+"""
+
+from math import ceil, floor
+
+from orchard.behaviour.bin import CALL_AGAIN
+from orchard.behaviour.dispatcher import BOOKED_TICKS, FORGET_TICKS
+from orchard.event_model import columns as c
+from orchard.event_model.kernel.compiled import inner
+from orchard.event_model.kernel.places import tick_of
+from orchard.field.scenario import TIME_STEP
+from orchard.plans.forecast import ALONG
+from orchard.plans.robot import ASK
+
+# Ticks from a report, by way of its answer, to the order that follows it.
+HEARD = ASK
+# Ticks from an order to the carrier.
+ORDERED = 1
+# Ticks from a report to the dispatcher, which takes it for new then.
+REPORTED = 1
+# Ticks from where a picker begins to pick until its bin knows how fast it does.
+MEASURED = 2
+
+
+@inner
+def is_early(m):
+    """Whether bins report before they are full."""
+    policy = m.desk[0].policy
+    is_predictive = policy == c.PREDICTIVE or policy == c.PREDICTIVE_FARTHEST
+    is_python_early = policy == c.IN_PYTHON_EARLY or policy == c.IN_PYTHON_WHEN_DUE
+    return is_predictive or is_python_early
+
+
+@inner
+def see_row(m, picker):
+    """Let a picker's bin see that the picker begins a row, or to drive into it."""
+    me = m.robots[picker]
+    op = m.ops[me.op]
+    drive = m.passes[op.arg]
+    tick = tick_of(m)
+    m.bins[me.bin].is_left = False
+    if not is_early(m):
+        return
+    seen = tick
+    if op.tells_on_drive and me.leg_ended != tick:
+        seen = tick + 1
+    full = tick + ticks_to_fill(m, op, drive, speed_seen(m, op, drive))
+    call = m.calls[picker]
+    if call.bin != me.bin:
+        call.bin = me.bin
+        call.end = drive.end
+        call.is_reported = False
+        call.is_open = False
+        call.is_booked = False
+        call.failed = c.NONE
+        call.is_served = False
+        call.silent_since = c.NEVER
+    call.full = full
+    call.mean_full = tick + ticks_to_fill(m, op, drive, m.desk[0].mean_speed)
+    call.measured = tick + MEASURED
+    call.stood_until = c.NONE
+    if not call.is_reported:
+        begin_reports(m, picker, max(seen, ceil(full - m.desk[0].horizon / TIME_STEP)))
+
+
+@inner
+def speed_seen(m, op, drive):
+    """Return the speed at which a bin takes its row to be picked, m/s.
+
+    It sees that only where its picker picks, and takes the mean speed before.
+    """
+    if op.metres > 0.0:
+        return m.desk[0].mean_speed
+    return m.speeds[drive.row]
+
+
+@inner
+def ticks_to_fill(m, op, drive, speed):
+    """Return the ticks from an op at which a picker begins a row until its bin is full.
+
+    `speed`: at which the row is picked, m/s.
+    """
+    return (drive.metres / speed + op.seconds) / TIME_STEP
+
+
+@inner
+def hear_failed(m, picker):
+    """Let a picker's bin see that the picker stands, and will pick no more for now."""
+    call = m.calls[picker]
+    if call.bin == m.robots[picker].bin and call.failed == c.NONE:
+        call.failed = tick_of(m)
+
+
+@inner
+def hear_repaired(m, picker):
+    """Let a picker's bin see that the picker picks on: it will be full later."""
+    call = m.calls[picker]
+    if call.failed == c.NONE:
+        return
+    tick = tick_of(m)
+    call.full += tick - call.failed
+    call.stood_since = call.failed
+    call.stood_until = tick
+    call.failed = c.NONE
+
+
+# -- when it reports
+
+
+@inner
+def begin_reports(m, picker, tick):
+    """Let a bin report for the first time at a tick."""
+    call = m.calls[picker]
+    call.since = tick
+    call.reports_from = tick
+    m.timers[c.REPORT, picker] = c.QUARTERS * tick
+
+
+@inner
+def is_silent(m, picker):
+    """Whether a picker's bin, which the picker fills, does not report now."""
+    return m.calls[picker].silent_since != c.NEVER
+
+
+@inner
+def see_leg(m, picker, limit):
+    """Let a picker's bin see that the picker drives up to a limit, and perhaps out of its row."""
+    me = m.robots[picker]
+    call = m.calls[picker]
+    if not is_early(m) or call.bin != me.bin:
+        return
+    tells_to = m.ops[me.op].tells_to + ALONG
+    if me.here > tells_to:
+        return
+    tick = tick_of(m)
+    if is_silent(m, picker):
+        report_again(m, picker, tick + 1)
+    if limit > tells_to:
+        fall_silent(m, picker, tick + 1 + floor((tells_to - me.here) / me.leg_stride))
+
+
+@inner
+def see_standing(m, picker):
+    """Let a picker's bin see that the picker stands, if that keeps it from reporting."""
+    if m.ops[m.robots[picker].op].tells_on_drive and is_early(m):
+        fall_silent(m, picker, tick_of(m) + 1)
+
+
+@inner
+def fall_silent(m, picker, tick):
+    """Let a bin report no longer from a tick on."""
+    call = m.calls[picker]
+    if call.bin != m.robots[picker].bin or is_silent(m, picker):
+        return
+    call.silent_since = tick
+    if not call.is_reported and m.timers[c.REPORT, picker] >= c.QUARTERS * tick:
+        m.timers[c.REPORT, picker] = c.NEVER
+    if call.is_booked:
+        ordered = m.timers[c.ORDER, picker] // c.QUARTERS
+        plan_order(m, picker, ordered - ORDERED - HEARD)
+
+
+@inner
+def report_again(m, picker, tick):
+    """Let a bin that has been silent report at a tick, or later if it has just done so."""
+    call = m.calls[picker]
+    if not is_silent(m, picker):
+        return
+    if not call.is_reported:
+        call.silent_since = c.NEVER
+        begin_reports(m, picker, max(tick, call.since))
+        return
+    forgotten = forgotten_at(m, picker, tick)
+    call.reports_from = max(tick, last_report(m, picker, tick) + CALL_AGAIN)
+    call.silent_since = c.NEVER
+    if call.reports_from >= forgotten:
+        call.is_open = False
+    if call.is_booked:
+        plan_order(m, picker, call.reports_from)
+    elif not call.is_served:
+        m.timers[c.REPORT, picker] = c.QUARTERS * call.reports_from
+
+
+@inner
+def last_report(m, picker, tick):
+    """Return the tick of a bin's last report up to a tick."""
+    call = m.calls[picker]
+    latest = min(tick, call.silent_since - 1)
+    return call.reports_from + CALL_AGAIN * ((latest - call.reports_from) // CALL_AGAIN)
+
+
+@inner
+def forgotten_at(m, picker, tick):
+    """Return the tick at which the dispatcher forgets a bin, if that reports no more after a
+    tick.
+    """
+    return last_report(m, picker, tick - REPORTED) + REPORTED + FORGET_TICKS
+
+
+@inner
+def plan_order(m, picker, report):
+    """Let a booked carrier be sent once the bin hears the answer to a report at a tick.
+
+    If it does not hear that, the carrier is free again once the dispatcher drops the order.
+    """
+    call = m.calls[picker]
+    call.is_missed = report + HEARD >= call.silent_since
+    if not call.is_missed:
+        sent = report + HEARD + ORDERED
+    elif report < call.silent_since:
+        # The dispatcher takes it for told, and waits for a new report.
+        call.is_booked = False
+        call.is_open = False
+        sent = report + REPORTED + BOOKED_TICKS - 1
+    else:
+        sent = forgotten_at(m, picker, c.NEVER) - 1
+    m.timers[c.ORDER, picker] = c.QUARTERS * max(tick_of(m), sent)
+
+
+@inner
+def drop_order(m, picker):
+    """Let the dispatcher drop an order that the bin has not heard, and forget the bin."""
+    call = m.calls[picker]
+    m.robots[call.carrier].is_booked = False
+    call.is_booked = False
+    call.is_missed = False
+
+
+# -- what the dispatcher knows of it
+
+
+@inner
+def seconds_to_full(m, picker, tick):
+    """Return the seconds until a bin is full, as the dispatcher knows them; 0 once it is.
+
+    It has the bin's last report, and takes that for new when it hears it.
+    """
+    reported = last_report(m, picker, tick - REPORTED)
+    left = max(0.0, ticks_left(m, picker, reported))
+    return max(0.0, (left - (tick - REPORTED - reported)) * TIME_STEP)
+
+
+@inner
+def ticks_left(m, picker, tick):
+    """Return the ticks until a bin is full, as it knew them at a tick."""
+    call = m.calls[picker]
+    if tick < call.measured:
+        return call.mean_full - tick
+    if call.failed != c.NONE:
+        return call.full - min(tick, call.failed)
+    if tick >= call.stood_until:
+        return call.full - tick
+    # Its picker has driven on since.
+    before = call.full - (call.stood_until - call.stood_since)
+    return before - min(tick, call.stood_since)

@@ -15,7 +15,7 @@ import numpy as np
 
 from orchard.calibrate.bins import LoggedBin
 from orchard.discrete.harvest import Jam, picked_again
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.program import SIDES
 from orchard.field.layout import Layout, lay_out

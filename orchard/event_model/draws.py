@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from orchard.event_model import columns as c
+from orchard.event_model import columns
 from orchard.event_model.bystanders import Bystanders
 from orchard.field.layout import Layout
 from orchard.field.picking import failure
@@ -33,9 +33,9 @@ def draws(
     of_ways = count if bystanders.density else 0
     of_failures = 0 if failure_seed is None else count
     return {
-        "failures": _table(_failures, failure_seed, names, of_failures, c.FAILURE),
-        "encounters": _table(_encounters, bystanders, names, of_ways, c.ENCOUNTER),
-        "looks": _table(_looks, bystanders, names, of_ways, c.LOOK),
+        "failures": _table(_failures, failure_seed, names, of_failures, columns.FAILURE),
+        "encounters": _table(_encounters, bystanders, names, of_ways, columns.ENCOUNTER),
+        "looks": _table(_looks, bystanders, names, of_ways, columns.LOOK),
     }
 
 
@@ -70,7 +70,7 @@ def _table(
 def _failures(seed: int, name: str, first: int, last: int) -> np.ndarray:
     """Return failures of a robot, as shares of the mean times."""
     failures = [failure(seed, name, number, 1.0, 1.0) for number in range(first, last)]
-    return np.array(failures, c.FAILURE)
+    return np.array(failures, columns.FAILURE)
 
 
 @lru_cache(maxsize=KEPT)
@@ -80,7 +80,7 @@ def _encounters(bystanders: Bystanders, name: str, first: int, last: int) -> np.
     for number in range(first, last):
         metres = bystanders.metres_to(name, number)
         encounters.append((metres, bystanders.meeting_ticks(name, number)))
-    return np.array(encounters, c.ENCOUNTER)
+    return np.array(encounters, columns.ENCOUNTER)
 
 
 @lru_cache(maxsize=KEPT)
@@ -91,4 +91,4 @@ def _looks(bystanders: Bystanders, name: str, first: int, last: int) -> np.ndarr
         without = bystanders.turning_ticks(name, number + 1, is_towing=False)
         towing = bystanders.turning_ticks(name, number + 1, is_towing=True)
         looks.append((without, towing))
-    return np.array(looks, c.LOOK)
+    return np.array(looks, columns.LOOK)

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from orchard.dispatch.policy import Assignment
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
+from orchard.event_model import columns
 from orchard.event_model.draws import FIRST, draws
 from orchard.event_model.kernel.drives import FAR
 from orchard.event_model.kernel.entry import addressed, run
@@ -25,7 +26,7 @@ from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
 
 # Carries a harvest on to a time, exclusive, and returns why it stopped.
-CarryOn = Callable[[c.Model, int], int]
+CarryOn = Callable[[columns.Model, int], int]
 # Rows of a log before it grows.
 LOG_ROWS = 4096
 
@@ -66,7 +67,7 @@ class EventHarvest:
             own["robots"].roads = np.arange(len(self.names))
             own["rears"] = np.repeat(own["rears"], len(self.names), axis=0)
         if is_logged:
-            own["log"] = np.zeros(LOG_ROWS, c.LOG).view(np.recarray)
+            own["log"] = np.zeros(LOG_ROWS, columns.LOG).view(np.recarray)
         self.model = prepared.model._replace(**own, **self.program.arrays())
         # The tick up to which `run` has carried it on.
         self._until = 0
@@ -138,12 +139,12 @@ class EventHarvest:
         return self._policy
 
     @property
-    def model(self) -> c.Model:
+    def model(self) -> columns.Model:
         """The arrays. Those of the state are changed in place, and are never others."""
         return self._model
 
     @model.setter
-    def model(self, model: c.Model) -> None:
+    def model(self, model: columns.Model) -> None:
         self._model = addressed(model)
 
     @cached_property
@@ -191,7 +192,7 @@ class EventHarvest:
         self._decisions.note(decision, orders)
 
     def advance(self, until: int) -> int:
-        """Carry the harvest on to a tick, exclusive. Return why it stopped: see `columns.PAUSED`.
+        """Carry the harvest on to a tick, exclusive. Return why it stopped: see `codes.PAUSED`.
 
         It translates the jobs that it lacks, and asks the policy; a harvest that is `paused` stops
         for that. Raises PolicyFault.

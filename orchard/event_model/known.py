@@ -3,7 +3,7 @@
 This module does not import numba, which takes long to load.
 """
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.field.scenario import Scenario
 
 # The policies that are compiled. Others are asked in Python. Without the agent `dispatch` bins call

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from orchard.event_model import columns as c
+from orchard.event_model import columns
 from orchard.event_model.harvest import CarryOn
 from orchard.event_model.kernel import entry, machine
 
@@ -33,7 +33,7 @@ CONSTANT = (
     "encounters",
     "looks",
 )
-CHANGED = tuple(name for name in c.ARRAYS if name not in CONSTANT)
+CHANGED = tuple(name for name in columns.ARRAYS if name not in CONSTANT)
 # Of each module whose functions are called, these functions and all else that they name.
 Namespaces = dict[str, dict[str, Any]]
 
@@ -86,7 +86,7 @@ class PlainMachine:
         """Return a machine that has read nothing: what it has read stands in the arrays."""
         return {"_constant": {}}
 
-    def __call__(self, model: c.Model, until: int) -> int:
+    def __call__(self, model: columns.Model, until: int) -> int:
         """Carry a harvest on to a time, exclusive, and return why it stopped."""
         lists = {name: _as_lists(getattr(model, name)) for name in CHANGED}
         for name in CONSTANT:

@@ -11,7 +11,8 @@ from orchard.behaviour.dispatcher import PolicyFault, as_kept, checked, fault_of
 from orchard.contract.messages import pack, unpack
 from orchard.dispatch.policies import POLICIES, dispatch_of
 from orchard.dispatch.policy import Assignment, BinReport, CarrierReport, is_early
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
+from orchard.event_model import columns
 from orchard.event_model.program import SIDES
 from orchard.field.kinds import kind_of
 from orchard.field.layout import Layout
@@ -88,7 +89,7 @@ class PolicyQuestion:
 class PolicyQuestions:
     """The decisions at which the machine stops for a policy in Python."""
 
-    def __init__(self, model: c.Model, names: list[str], bin_names: list[str]) -> None:
+    def __init__(self, model: columns.Model, names: list[str], bin_names: list[str]) -> None:
         """`names`, `bin_names`: of robots and bins, in the order of their numbers."""
         self._names = names
         self._bin_names = bin_names

@@ -6,23 +6,21 @@ A program belongs to a geometry: orchards that differ only in the speeds of thei
 job is translated when it is first ordered.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from functools import singledispatchmethod
-from itertools import repeat
-from math import ceil, floor
+from math import floor
 from threading import RLock
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
+from orchard.event_model import columns
 from orchard.event_model.draws import has_failures
+from orchard.event_model.tables import Lines, PlaceLists, Table
+from orchard.event_model.writer import INSERTING, Writer, failing, handling, put_by, whole_ticks
 from orchard.field.geometry import Pose, nearest_heading
 from orchard.field.kinds import number_of
 from orchard.field.layout import Layout
-from orchard.field.machines import Machine
-from orchard.field.passes import Pass
 from orchard.field.queue import BESIDE
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.plans import steps as st
@@ -31,7 +29,7 @@ from orchard.plans.robot import Gate, Step
 from orchard.plans.route import OneWay
 from orchard.plans.routes import ROUTES, route_of, way_to
 
-# Ticks of rounding.
+# m of rounding.
 ROUNDING = 1e-6
 # Places and lines beside those of lanes: corners, lines of the queue, roads.
 BESIDE_LANES = 128
@@ -40,57 +38,10 @@ PLACES_PER_LANE = 4
 LINES_PER_LANE = 12
 # A route of the user's own may have so many times as many.
 OWN_SHARE = 8
-# Steps that put others in their place.
-INSERTING = (st.Ahead, st.MoveTo, st.Repair)
 SIDES = ("east", "west")
 # What stands in a job for its picker and its full bin.
 THE_PICKER = "the picker"
 THE_BIN = "the full bin"
-
-
-class Table:
-    """Rows of named columns, in an array that grows."""
-
-    def __init__(self, columns: np.dtype[Any]) -> None:
-        self._rows = np.zeros(256, columns)
-        self._names = columns.names or ()
-        self._count = 0
-
-    def __len__(self) -> int:
-        return self._count
-
-    def append(self, **values: Any) -> None:
-        """Append a row. A column that is not named is 0."""
-        if self._count == len(self._rows):
-            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
-        # A whole row at once: each column by its name costs as much.
-        self._rows[self._count] = tuple(map(values.get, self._names, repeat(0)))
-        self._count += 1
-
-    @property
-    def array(self) -> np.ndarray:
-        """The rows, with space behind them."""
-        return self._rows.view(np.recarray)
-
-
-@dataclass
-class _Writer:
-    """What the translation of a plan knows at a step: the steps, which one it is, and what was
-    before.
-    """
-
-    steps: list[Step]
-    pose: Pose
-    machine: Machine
-    number: int = 0
-    # What the robot does, as it said.
-    state: str = "resting"
-    # The passes through rows that are still to be done, with their numbers, of a picker.
-    passes: list[tuple[int, Pass]] = field(default_factory=list)
-    # What may happen on the drive that follows.
-    may_fail: st.MayFail | None = None
-    # The steps that may take the place of the rest, each with the op that decides, and where it is.
-    otherwise: list[tuple[int, Sequence[Step], Pose]] = field(default_factory=list)
 
 
 class Program:
@@ -108,34 +59,27 @@ class Program:
         self._carrier = layout.machines["carrier"]
         self.route: OneWay = route_of(layout)
         lanes = len(layout.lanes)
-        self.ops = Table(c.OP)
-        self.needs = Table(c.GATE)
-        self.frees = Table(c.GATE)
-        self.lines = Table(c.LINE)
-        self.passes = Table(c.PASS)
+        self.ops = Table(columns.OP)
+        self.needs = Table(columns.GATE)
+        self.frees = Table(columns.GATE)
+        self.passes = Table(columns.PASS)
         # Of each op the step, for a trace; None at the end of a plan.
         self.steps: list[Step | None] = []
         # The first op of a plan -> of each of its steps the op at which it, or what follows it,
         # begins, and last the op that ends the plan.
         self.begins: dict[int, list[int]] = {}
-        self.place_numbers: dict[str, int] = {}
         share = 1 if layout.scenario.route in ROUTES else OWN_SHARE
-        self.most_places = share * (PLACES_PER_LANE * lanes + BESIDE_LANES)
-        self.most_lines = share * (LINES_PER_LANE * lanes + BESIDE_LANES)
+        self.places = PlaceLists(share * (PLACES_PER_LANE * lanes + BESIDE_LANES))
+        self.lines = Lines(share * (LINES_PER_LANE * lanes + BESIDE_LANES))
         # Of the failures on a route of the user's own; None: that of the scenario.
         self._own_failure_seed: int | None = None
-        self.words = -(-self.most_places // 64)
-        self._list_numbers: dict[tuple[str, ...], int] = {}
-        self._line_numbers: dict[tuple[int, float, int], int] = {}
-        self._lists = np.zeros((64, self.words), np.uint64)
-        self.list_number([])
         queue = layout.queue
         self.queue_lines = [y for y in queue.used(layout.queue_places)]
         waiting_lines = len(self.queue_lines) - len(layout.charging_lines)
         # The lines of the queue in which carriers charge.
         self.charging_lines = range(waiting_lines, len(self.queue_lines))
         self.jobs = np.full((len(self.queue_lines), 2 * lanes), c.NONE)
-        self.ends = np.zeros(2 * lanes, c.LANE_END).view(np.recarray)
+        self.ends = np.zeros(2 * lanes, columns.LANE_END).view(np.recarray)
         for lane in layout.lanes:
             for side in SIDES:
                 metres, seconds = way_to(self.route, lane.number, self.route.sides[side])
@@ -176,19 +120,10 @@ class Program:
                 "ops": self.ops.array,
                 "needs": self.needs.array,
                 "frees": self.frees.array,
-                "places": self.lists,
+                "places": self.places.array,
                 "lines": self.lines.array,
                 "jobs": self.jobs.copy(),
             }
-
-    @property
-    def lists(self) -> np.ndarray:
-        """The lists of places, (lists, words) bits."""
-        return self._lists
-
-    def names_of(self, number: int) -> tuple[str, ...]:
-        """Return the names in a list of places."""
-        return list(self._list_numbers)[number]
 
     def end_number(self, row: int, side: str) -> int:
         """Return the number of a lane's end."""
@@ -220,7 +155,7 @@ class Program:
         job = self.route.fetch(
             place + 1, lane + 1, self.route.sides[SIDES[side]], THE_PICKER, THE_BIN
         )
-        first = self._translate(_Writer(job, self.layout.queue.place(place), self._carrier))
+        first = self._translate(Writer(job, self.layout.queue.place(place), self._carrier))
         self.jobs[queue_line, end] = first
         return first
 
@@ -275,7 +210,7 @@ class Program:
                 leaves_bin=drive.leaves_bin,
             )
         first = self._translate(
-            _Writer(self.route.harvest(block), start, layout.machines["picker"], passes=passes)
+            Writer(self.route.harvest(block), start, layout.machines["picker"], passes=passes)
         )
         self.harvest_ends[picker] = len(self.ops) - 1
         return first
@@ -283,10 +218,10 @@ class Program:
     def _translate_waiting(self, y: float) -> int:
         head = self.layout.queue.place(0)
         return self._translate(
-            _Writer(self.route.wait_in_queue(), head._replace(y=y), self._carrier)
+            Writer(self.route.wait_in_queue(), head._replace(y=y), self._carrier)
         )
 
-    def _translate(self, writer: _Writer) -> int:
+    def _translate(self, writer: Writer) -> int:
         first = len(self.ops)
         begins = self.begins[first] = []
         # Each look-up of a method with many forms costs as much as a short step.
@@ -294,7 +229,7 @@ class Program:
         while writer.number < len(writer.steps):
             step = writer.steps[writer.number]
             if isinstance(step, INSERTING):
-                writer.steps[writer.number : writer.number + 1] = _put_by(step, writer.pose)
+                writer.steps[writer.number : writer.number + 1] = put_by(step, writer.pose)
                 continue
             begins.append(len(self.ops))
             write(step, writer)
@@ -303,21 +238,19 @@ class Program:
         begins.append(len(self.ops))
         self._append(None, c.END)
         for decides, steps, pose in writer.otherwise:
-            self.ops.array[decides].arg = self._translate(
-                _Writer(list(steps), pose, writer.machine)
-            )
+            self.ops.array[decides].arg = self._translate(Writer(list(steps), pose, writer.machine))
         return first
 
     # -- steps
 
     @singledispatchmethod
-    def _write(self, step: Step, writer: _Writer) -> None:
+    def _write(self, step: Step, writer: Writer) -> None:
         """Translate a step."""
         name = type(step).__name__
         raise NotImplementedError(f"the discrete-event model does not know the step {name}")
 
     @_write.register
-    def _(self, step: st.DriveTo, writer: _Writer) -> None:
+    def _(self, step: st.DriveTo, writer: Writer) -> None:
         pose = writer.pose
         end, _ = step.motion(pose, writer.machine)
         along_x = step.x is not None
@@ -338,7 +271,7 @@ class Program:
             target=sign * (end.x if along_x else end.y),
             metres=metres,
             speed=0.0 if row is not None else step.speed_of(writer.machine),
-            line=self._line_number(0 if along_x else 1, pose.y if along_x else pose.x, sign),
+            line=self.lines.number_of(0 if along_x else 1, pose.y if along_x else pose.x, sign),
             first_need=first_need,
             last_need=len(self.needs),
             first_free=first_free,
@@ -347,19 +280,19 @@ class Program:
             is_queueing=step.queueing,
             picks=writer.state == "picking",
             **self._seen(writer, end, sign),
-            **_failing(writer),
+            **failing(writer),
         )
 
     @_write.register(st.Face)
     @_write.register(st.Realign)
-    def _(self, step: st.Face | st.Realign, writer: _Writer) -> None:
+    def _(self, step: st.Face | st.Realign, writer: Writer) -> None:
         _, seconds = step.motion(writer.pose, writer.machine)
-        ticks = _whole_ticks(seconds)
+        ticks = whole_ticks(seconds)
         if ticks:
             self._append(step, c.TURN, ticks=ticks, swings=floor(st.Face.swings * ticks))
 
     @_write.register
-    def _(self, step: st.Say, writer: _Writer) -> None:
+    def _(self, step: st.Say, writer: Writer) -> None:
         before = writer.state
         writer.state = step.state
         if step.state == "picking":
@@ -371,36 +304,39 @@ class Program:
                 del writer.passes[0]
 
     @_write.register
-    def _(self, step: st.Wait, writer: _Writer) -> None:
-        self._append(step, c.PAUSE, ticks=_whole_ticks(step.seconds))
+    def _(self, step: st.Wait, writer: Writer) -> None:
+        self._append(step, c.PAUSE, ticks=whole_ticks(step.seconds))
 
     @_write.register(st.Announce)
     @_write.register(st.Confirmed)
-    def _(self, step: st.Announce | st.Confirmed, writer: _Writer) -> None:
+    def _(self, step: st.Announce | st.Confirmed, writer: Writer) -> None:
         self._append(step, c.PAUSE, ticks=step.ticks(writer.machine))
 
     @_write.register
-    def _(self, step: st.Need, writer: _Writer) -> None:
+    def _(self, step: st.Need, writer: Writer) -> None:
         self._append(
-            step, c.NEED, ticks=step.ticks(writer.machine), places=self.list_number(step.places)
+            step,
+            c.NEED,
+            ticks=step.ticks(writer.machine),
+            places=self.places.number_of(step.places),
         )
 
     @_write.register
-    def _(self, step: st.Free, writer: _Writer) -> None:
-        self._append(step, c.FREE, places=self.list_number(step.places))
+    def _(self, step: st.Free, writer: Writer) -> None:
+        self._append(step, c.FREE, places=self.places.number_of(step.places))
 
     @_write.register
-    def _(self, step: st.Alone, writer: _Writer) -> None:
-        self._append(step, c.ALONE_IN, places=self.list_number([step.place]))
+    def _(self, step: st.Alone, writer: Writer) -> None:
+        self._append(step, c.ALONE_IN, places=self.places.number_of([step.place]))
 
     @_write.register
-    def _(self, step: st.FetchEmpty, writer: _Writer) -> None:
-        places = self.list_number([step.place])
+    def _(self, step: st.FetchEmpty, writer: Writer) -> None:
+        places = self.places.number_of([step.place])
         self._append(
             step,
             c.FETCH_EMPTY,
             ticks=step.ticks(writer.machine),
-            **_handling(step, writer),
+            **handling(step, writer),
             places=places,
         )
 
@@ -409,54 +345,54 @@ class Program:
             self._append(step, c.PAUSE, ticks=exchange)
 
     @_write.register
-    def _(self, step: st.LeaveBin, writer: _Writer) -> None:
+    def _(self, step: st.LeaveBin, writer: Writer) -> None:
         number, _ = writer.passes.pop(0)
         self._append(
             step,
             c.LEAVE_BIN,
             ticks=step.ticks(writer.machine),
-            **_handling(step, writer),
+            **handling(step, writer),
             arg=number,
         )
 
     @_write.register
-    def _(self, step: st.Deliver, writer: _Writer) -> None:
-        self._append(step, c.DELIVER, ticks=step.ticks(writer.machine), **_handling(step, writer))
+    def _(self, step: st.Deliver, writer: Writer) -> None:
+        self._append(step, c.DELIVER, ticks=step.ticks(writer.machine), **handling(step, writer))
 
     @_write.register
-    def _(self, step: st.TakeBin, writer: _Writer) -> None:
-        self._append(step, c.TAKE_BIN, ticks=step.ticks(writer.machine), **_handling(step, writer))
+    def _(self, step: st.TakeBin, writer: Writer) -> None:
+        self._append(step, c.TAKE_BIN, ticks=step.ticks(writer.machine), **handling(step, writer))
 
     @_write.register
-    def _(self, step: st.Unload, writer: _Writer) -> None:
+    def _(self, step: st.Unload, writer: Writer) -> None:
         until_empty = step.ticks_until_empty(writer.machine)
         self._append(step, c.UNLOAD, ticks=until_empty)
         # The carrier does not know at once that its bin is empty.
         self._append(step, c.PAUSE, ticks=step.ticks(writer.machine) - until_empty)
 
     @_write.register
-    def _(self, step: st.Haul, writer: _Writer) -> None:
+    def _(self, step: st.Haul, writer: Writer) -> None:
         self._append(step, c.HAUL, ticks=writer.machine.haul_ticks)
 
     @_write.register
-    def _(self, step: st.Home, writer: _Writer) -> None:
+    def _(self, step: st.Home, writer: Writer) -> None:
         self._append(step, c.HOME, arg=self._queue_line_at(writer.pose))
 
     @_write.register
-    def _(self, step: st.MayCharge, writer: _Writer) -> None:
+    def _(self, step: st.MayCharge, writer: Writer) -> None:
         writer.otherwise.append((len(self.ops), step.otherwise, writer.pose))
         self._append(step, c.MAY_CHARGE, reserve=step.reserve)
 
     @_write.register
-    def _(self, step: st.Charge, writer: _Writer) -> None:
+    def _(self, step: st.Charge, writer: Writer) -> None:
         self._append(step, c.CHARGE, arg=self._queue_line_at(writer.pose))
 
     @_write.register
-    def _(self, step: st.Charged, writer: _Writer) -> None:
+    def _(self, step: st.Charged, writer: Writer) -> None:
         self._append(step, c.CHARGED)
 
     @_write.register
-    def _(self, step: st.MayFail, writer: _Writer) -> None:
+    def _(self, step: st.MayFail, writer: Writer) -> None:
         scenario = self.layout.scenario
         if step.seed != scenario.seed or not has_failures(scenario):
             if self._own_failure_seed not in (None, step.seed):
@@ -467,12 +403,12 @@ class Program:
         writer.may_fail = step
 
     @_write.register
-    def _(self, step: st.BeginPickingAt, writer: _Writer) -> None:
+    def _(self, step: st.BeginPickingAt, writer: Writer) -> None:
         """Drop it: the drives tell where the picker picks."""
 
     # -- what bins see of their pickers
 
-    def _begin_row_on_drive(self, step: st.DriveTo, writer: _Writer, metres: float) -> None:
+    def _begin_row_on_drive(self, step: st.DriveTo, writer: Writer, metres: float) -> None:
         """Let a bin see that its picker drives to fruit, perhaps through a part of the row."""
         following = writer.steps[writer.number + 1 : writer.number + 4]
         states = [after.state if isinstance(after, st.Say) else "" for after in following]
@@ -486,7 +422,7 @@ class Program:
                 metres += abs(after.x - here)
         self._append_begin_row(step, writer, metres)
 
-    def _append_begin_row(self, step: Step, writer: _Writer, before: float) -> None:
+    def _append_begin_row(self, step: Step, writer: Writer, before: float) -> None:
         """Append what tells a bin when it will be full.
 
         `before`: m that its picker drives first.
@@ -506,7 +442,7 @@ class Program:
             tells_on_drive=before + to_end > ALONG,
         )
 
-    def _seen(self, writer: _Writer, end: Pose, sign: int) -> dict[str, Any]:
+    def _seen(self, writer: Writer, end: Pose, sign: int) -> dict[str, Any]:
         """Return the columns of a drive that tell what a picker's bin sees of it.
 
         `end`: where the drive leads. `sign`: of its line.
@@ -531,7 +467,7 @@ class Program:
             "tells_on_drive": drives_first or drives_after,
         }
 
-    def _picked_row(self, step: st.DriveTo, writer: _Writer) -> int | None:
+    def _picked_row(self, step: st.DriveTo, writer: Writer) -> int | None:
         """Return the row, from 0, at the speed of which a drive picks; None if it picks nothing."""
         if writer.state != "picking" or not writer.passes:
             return None
@@ -547,29 +483,8 @@ class Program:
         self.steps.append(step)
 
     def _append_gate(self, gates: Table, gate: Gate, sign: int) -> None:
-        places = self.list_number(gate.places)
+        places = self.places.number_of(gate.places)
         gates.append(at=sign * gate.at, places=places, after_bin=gate.bin != "")
-
-    def list_number(self, places: Iterable[str]) -> int:
-        """Return the number of a list of places. The list 0 is empty."""
-        key = tuple(sorted(set(places)))
-        number = self._list_numbers.get(key)
-        if number is not None:
-            return number
-        with self._lock:
-            if key not in self._list_numbers:
-                self._note_list(key)
-            return self._list_numbers[key]
-
-    def _note_list(self, key: tuple[str, ...]) -> None:
-        """Note the places of a new list, and number it when all is noted: others may look."""
-        number = len(self._list_numbers)
-        if number == len(self._lists):
-            self._lists = np.concatenate([self._lists, np.zeros_like(self._lists)])
-        for place in key:
-            word, bit = divmod(self._number(self.place_numbers, place, self.most_places), 64)
-            self._lists[number, word] |= np.uint64(1 << bit)
-        self._list_numbers[key] = number
 
     def _queue_line_at(self, pose: Pose) -> int:
         """Return the line of the queue in which a robot is; NONE: it is in none."""
@@ -577,58 +492,3 @@ class Program:
             if abs(pose.y - y) < BESIDE:
                 return number
         return c.NONE
-
-    def _line_number(self, axis: int, other: float, sign: int) -> int:
-        """Return the number of the line along an axis, at its other coordinate, in a direction."""
-        key = (axis, round(other, 3), sign)
-        is_new = key not in self._line_numbers
-        number = self._number(self._line_numbers, key, self.most_lines)
-        if is_new:
-            self.lines.append(axis=axis, other=key[1], sign=sign)
-        return number
-
-    @staticmethod
-    def _number(numbers: dict[Any, int], key: Any, most: int) -> int:
-        if key not in numbers and len(numbers) == most:
-            raise NotImplementedError(
-                f"the event model knows {most} places, or lines on which robots drive, and no more"
-            )
-        return numbers.setdefault(key, len(numbers))
-
-
-class _StandsAt:
-    """What a step may ask that puts others in its place: where its robot is."""
-
-    def __init__(self, pose: Pose) -> None:
-        self.pose = pose
-        self.steps: list[Step] = []
-
-    def next(self, steps: Sequence[Step]) -> None:
-        """Hear which steps take its place."""
-        self.steps = list(steps)
-
-
-def _put_by(step: Step, pose: Pose) -> list[Step]:
-    """Return the steps that a step of INSERTING puts in its place."""
-    robot = _StandsAt(pose)
-    step.act(cast(Any, robot))
-    return robot.steps
-
-
-def _handling(step: Step, writer: _Writer) -> dict[str, int]:
-    """Return the columns that tell for how long a bin is coupled or uncoupled."""
-    handles = step.handles(writer.machine)
-    return {"handles": handles.ticks, "handles_at_rest": handles.at_rest}
-
-
-def _failing(writer: _Writer) -> dict[str, float]:
-    """Return the columns of a drive that tell how its robot may fail on it."""
-    step = writer.may_fail
-    writer.may_fail = None
-    if step is None:
-        return {}
-    return {"mean_between": step.mean_between, "mean_repair": step.mean_repair}
-
-
-def _whole_ticks(seconds: float) -> int:
-    return ceil(seconds / TIME_STEP - ROUNDING)

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
+from orchard.event_model import columns
 from orchard.event_model.draws import draws
 from orchard.event_model.known import COMPILED
 from orchard.event_model.program import Program
@@ -49,7 +50,7 @@ class Prepared:
     # In the order of their names, as ties are.
     bin_names: list[str]
     # At the start of a harvest. Only copies are changed.
-    model: c.Model
+    model: columns.Model
 
 
 def prepare(layout: Layout) -> Prepared:
@@ -78,15 +79,15 @@ def _prepared(geometry: Geometry) -> Prepared:
 
 def _initial(
     layout: Layout, program: Program, starts: Sequence[Start], bin_names: list[str]
-) -> c.Model:
+) -> columns.Model:
     """Return a model at the start of a harvest, without the speeds of rows and without a log."""
     count = len(starts)
     load_out = layout.scenario.load_out
-    bins = np.zeros(len(bin_names), c.BIN).view(np.recarray)
+    bins = np.zeros(len(bin_names), columns.BIN).view(np.recarray)
     bins.taken = c.NEVER
     bins.full = c.NONE
     bins.called = -c.NEVER
-    calls = np.zeros(count, c.CALL).view(np.recarray)
+    calls = np.zeros(count, columns.CALL).view(np.recarray)
     calls.bin = c.NONE
     calls.carrier = c.NONE
     calls.failed = c.NONE
@@ -96,11 +97,11 @@ def _initial(
     timers = np.full((c.EVENTS, count), c.NEVER)
     timers[c.WAKE] = 0
     exchanges = program.bins + count
-    return c.Model(
+    return columns.Model(
         ops=program.ops.array,
         needs=program.needs.array,
         frees=program.frees.array,
-        places=program.lists,
+        places=program.places.array,
         lines=program.lines.array,
         passes=program.passes.array,
         ends=program.ends,
@@ -109,26 +110,26 @@ def _initial(
         speeds=np.zeros(len(layout.lanes)),
         **draws(layout, [start.name for start in starts], 0, None),
         robots=_robots(program, starts, bin_names),
-        sets=np.zeros((c.SETS, count, program.words), np.uint64),
-        scratch=np.zeros((2, program.words), np.uint64),
-        rears=np.full((1, program.most_lines), c.NONE),
+        sets=np.zeros((c.SETS, count, program.places.words), np.uint64),
+        scratch=np.zeros((2, program.places.words), np.uint64),
+        rears=np.full((1, program.lines.most), c.NONE),
         bins=bins,
         calls=calls,
         offers=np.full((count, len(bins)), c.NEVER),
         distances=np.zeros((count, len(program.ends))),
         timers=timers,
         desk=_desk(layout, program),
-        trailers=np.zeros(load_out.trailers.count or 0, c.TRAILER).view(np.recarray),
+        trailers=np.zeros(load_out.trailers.count or 0, columns.TRAILER).view(np.recarray),
         deliveries=np.zeros(program.bins, np.int64),
-        exchanges=np.zeros(exchanges, c.EXCHANGE).view(np.recarray),
-        trips=np.zeros(exchanges, c.TRIP).view(np.recarray),
-        log=np.zeros(0, c.LOG).view(np.recarray),
+        exchanges=np.zeros(exchanges, columns.EXCHANGE).view(np.recarray),
+        trips=np.zeros(exchanges, columns.TRIP).view(np.recarray),
+        log=np.zeros(0, columns.LOG).view(np.recarray),
     )
 
 
 def _robots(program: Program, starts: Sequence[Start], bin_names: list[str]) -> Any:
-    robots = np.zeros(len(starts), c.ROBOT).view(np.recarray)
-    for column in c.INDICES:
+    robots = np.zeros(len(starts), columns.ROBOT).view(np.recarray)
+    for column in columns.INDICES:
         robots[column] = c.NONE
     robots.away = c.NEVER
     robots.answered = c.NEVER
@@ -157,7 +158,7 @@ def _robots(program: Program, starts: Sequence[Start], bin_names: list[str]) -> 
 def _desk(layout: Layout, program: Program) -> Any:
     scenario = layout.scenario
     has_dispatcher = DISPATCH in scenario.bodiless_agents
-    desk = np.zeros(1, c.DESK).view(np.recarray)
+    desk = np.zeros(1, columns.DESK).view(np.recarray)
     # A policy in Python is asked by whoever begins the harvest.
     if has_dispatcher:
         desk.policy = COMPILED.get(scenario.dispatch, c.IN_PYTHON)

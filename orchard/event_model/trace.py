@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.harvest import EventHarvest
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
@@ -65,7 +65,7 @@ def _words(harvest: EventHarvest, number: int) -> str:
         return f"{words} in row {row}{doing}"
     if op.kind == c.DRIVE:
         return _drive_words(harvest, op)
-    places = harvest.program.names_of(int(op.places))
+    places = harvest.program.places.names_of(int(op.places))
     return f"{words}: {', '.join(places)}" if places else words
 
 

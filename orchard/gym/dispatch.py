@@ -15,7 +15,7 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
 from orchard.dispatch.policy import Assignment, BinReport, CarrierReport
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.known import refuse_unknown
 from orchard.event_model.policies import AskedPolicy, PolicyQuestion

@@ -3,7 +3,7 @@
 import pytest
 from quiet import NOBODY
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.harvest import EventHarvest
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario

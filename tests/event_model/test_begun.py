@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from quiet import NOBODY, quiet_layouts
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.begun.begin import begin_at
 from orchard.event_model.begun.moment import RunMoment
 from orchard.event_model.begun.robots import NotInPlanError

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from quiet import NOBODY
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel import batteries as kernel
 from orchard.event_model.plain import as_python

@@ -7,7 +7,7 @@ import pytest
 from plain_kernel import CheckedArray, run_checked
 from quiet import quiet_layouts
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model import start
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.plain import PlainMachine

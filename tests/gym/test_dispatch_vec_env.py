@@ -14,7 +14,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
-from orchard.event_model import columns as c
+from orchard.event_model import columns
 from orchard.event_model.batch import harvests
 from orchard.event_model.draws import draws
 from orchard.field.layout import lay_out
@@ -305,7 +305,7 @@ def test_the_machine_reads_as_many_draws_as_there_are():
     """The number of draws stands where the machine reads the length of their array."""
     env = dispatch_vec_env(SMALL, 2)
     env.reset(seed=1)
-    words = env._batch.arrays["addresses"].reshape(2, len(c.ARRAYS), -1)
+    words = env._batch.arrays["addresses"].reshape(2, len(columns.ARRAYS), -1)
     for name in ("encounters", "looks", "failures"):
-        lengths = words[:, [*c.ARRAYS].index(name), 2]
+        lengths = words[:, [*columns.ARRAYS].index(name), 2]
         assert lengths.tolist() == env._batch.arrays["episodes"][name].tolist()

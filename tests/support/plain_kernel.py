@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from orchard.event_model import columns as c
+from orchard.event_model import columns
 from orchard.event_model.kernel import machine
 from orchard.event_model.plain import functions
 
 _run = functions(machine.__name__, {})["run"]
 
 
-def run_checked(model: c.Model, until: int) -> Any:
+def run_checked(model: columns.Model, until: int) -> Any:
     """Carry a harvest on, as the compiled machine does, over checked arrays."""
-    arrays = {name: getattr(model, name) for name in c.ARRAYS}
+    arrays = {name: getattr(model, name) for name in columns.ARRAYS}
     checked = model._replace(**{name: _checked(array) for name, array in arrays.items()})
     reason = _run(checked, until)
     for name, array in arrays.items():

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from orchard.event_model import columns as c
+from orchard.event_model import columns
 
 # -- what a harvest is to do in a step
 
@@ -102,9 +102,9 @@ ARRAYS: dict[str, tuple[Any, int]] = {
     # (r, 2): the chance that somebody is near a turn, without a bin and with one.
     "nearness": (np.float64, 2),
     # (n, r * room): of each robot, one after the other, as many as an episode has drawn.
-    "failures": (c.FAILURE, 2),
-    "encounters": (c.ENCOUNTER, 2),
-    "looks": (c.LOOK, 2),
+    "failures": (columns.FAILURE, 2),
+    "encounters": (columns.ENCOUNTER, 2),
+    "looks": (columns.LOOK, 2),
     # (bins,): of each bin's number its place in an observation. (k,): the robots that are carriers.
     "bin_places": (np.int64, 1),
     "carriers": (np.int64, 1),

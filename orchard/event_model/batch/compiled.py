@@ -4,14 +4,14 @@ import hashlib
 from functools import partial
 from pathlib import Path
 
-from orchard.event_model import bystanders, columns, results
+from orchard.event_model import bystanders, codes, columns, results
 from orchard.event_model.kernel import drives
 from orchard.field import picking
 from orchard.plans import robot, sense
 from orchard.sim.kernels.jit import jit
 
 # Modules of which constants and functions are part of the code.
-CONSTANTS_OF = (bystanders, columns, drives, picking, results, robot, sense)
+CONSTANTS_OF = (bystanders, codes, columns, drives, picking, results, robot, sense)
 
 
 def _sources() -> str:

@@ -5,7 +5,7 @@ Each harvest has as many for each robot as the robot that has used the most need
 
 import numpy as np
 
-from orchard.event_model import columns as c
+from orchard.event_model import columns
 from orchard.event_model.batch import columns as bc
 from orchard.event_model.batch.compiled import inner
 from orchard.event_model.bystanders import ticks_of_look, ticks_of_meeting
@@ -24,7 +24,7 @@ _ticks_of_look = inner(ticks_of_look)
 # Where the machine reads how many draws there are for each robot: in the words of an array its
 # second length.
 _LENGTH = 2
-_NAMES = list(c.ARRAYS)
+_NAMES = list(columns.ARRAYS)
 FAILURES_LENGTH = WORDS * _NAMES.index("failures") + _LENGTH
 ENCOUNTERS_LENGTH = WORDS * _NAMES.index("encounters") + _LENGTH
 LOOKS_LENGTH = WORDS * _NAMES.index("looks") + _LENGTH

@@ -3,7 +3,8 @@
 `orchard.gym.dispatch.DispatchEnv` does the same in Python, and asks a policy beside it.
 """
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
+from orchard.event_model import columns
 from orchard.event_model.batch import columns as bc
 from orchard.event_model.batch.compiled import inner, outer
 from orchard.event_model.batch.draws import draw_first, draw_more
@@ -19,7 +20,7 @@ BATCH = ArrayRecord(bc.ARRAYS)
 SIGNATURE = (ADDRESSES, INTEGER, INTEGER)
 
 _opens_batch = BATCH.opens
-_opens = ArrayRecord(c.ARRAYS).opens
+_opens = ArrayRecord(columns.ARRAYS).opens
 _run = caller_by_address(OF_MACHINE)
 
 
@@ -210,7 +211,7 @@ def drive_home(b, m, i, machine):
 
 @inner
 def advance(b, m, i, until, machine):
-    """Carry a harvest on to a tick, exclusive. Return why it stopped: see `columns.PAUSED`."""
+    """Carry a harvest on to a tick, exclusive. Return why it stopped: see `codes.PAUSED`."""
     reason = _run(machine, b.addresses[i], c.QUARTERS * until)
     while reason == c.LACKS_DRAWS and draw_more(b, m, i):
         reason = _run(machine, b.addresses[i], c.QUARTERS * until)

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
+from orchard.event_model import columns
 from orchard.event_model.batch import columns as bc
 from orchard.event_model.batch.entry import addresses, step
 from orchard.event_model.bystanders import LOOKING, STANDING, WAY, Bystanders
@@ -81,7 +82,7 @@ class HarvestBatch:
         # Arrays that no harvest changes.
         shared = initial._asdict() | prepared.program.arrays()
         self._shared = {}
-        for name in c.ARRAYS:
+        for name in columns.ARRAYS:
             if name not in (*STATE, *DRAWS, "speeds"):
                 self._shared[name] = np.asarray(shared[name])
         # Of each array of a state its shape, and its bytes.
@@ -149,7 +150,7 @@ class HarvestBatch:
     def _find(self) -> None:
         """Note where all arrays are."""
         count = len(self._speeds)
-        words = np.zeros((count, len(c.ARRAYS), WORDS), np.int64)
+        words = np.zeros((count, len(columns.ARRAYS), WORDS), np.int64)
         harvests = np.arange(count)
         begin = self.arrays["states"].ctypes.data
         for name in STATE:
@@ -164,7 +165,7 @@ class HarvestBatch:
             draws = self.arrays[name]
             places = draws.ctypes.data + harvests * draws.strides[0]
             _note(words, name, places, (self._robots, 0))
-            words[:, [*c.ARRAYS].index(name), 2] = self.arrays["episodes"][name]
+            words[:, [*columns.ARRAYS].index(name), 2] = self.arrays["episodes"][name]
         self.arrays["addresses"] = words.reshape(count, -1)
         self._batch = addresses(self.arrays)
 
@@ -180,7 +181,7 @@ class HarvestBatch:
         self._find()
 
 
-def _as_bytes(model: c.Model) -> np.ndarray:
+def _as_bytes(model: columns.Model) -> np.ndarray:
     """Return the arrays of a state, one after the other, as bytes."""
     parts = []
     for name in STATE:
@@ -191,12 +192,12 @@ def _as_bytes(model: c.Model) -> np.ndarray:
 
 def _note(words: np.ndarray, name: str, places: Any, shape: tuple[int, ...]) -> None:
     """Note where an array of each harvest is, and its shape."""
-    number = [*c.ARRAYS].index(name)
+    number = [*columns.ARRAYS].index(name)
     words[:, number, 0] = places
     words[:, number, 1 : 1 + len(shape)] = shape
 
 
-def _initial(prepared: Prepared, is_early: bool) -> c.Model:
+def _initial(prepared: Prepared, is_early: bool) -> columns.Model:
     """Return a model at the start of a harvest that stops for each decision."""
     desk = prepared.model.desk.copy()
     desk.policy = c.IN_PYTHON_EARLY if is_early else c.IN_PYTHON

@@ -2,7 +2,7 @@
 
 from math import ceil
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.begun.moment import RunMoment
 from orchard.event_model.begun.robots import Doing, NotInPlanError
 from orchard.event_model.harvest import EventHarvest

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.begun.batteries import BatteriesOfCarriers
 from orchard.event_model.begun.bay import take_over_bay
 from orchard.event_model.begun.calls import CallsOfBins

@@ -9,7 +9,7 @@ from orchard.behaviour.bin import CALL_AGAIN, BinMemory
 from orchard.behaviour.dispatcher import Booking, DispatcherMemory
 from orchard.contract.messages import CarrierStatus, Here, Offer, unpack
 from orchard.dispatch.policies import dispatch_of
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.begun.moment import RunMoment
 from orchard.event_model.begun.robots import Doing, Ops
 from orchard.event_model.harvest import EventHarvest

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.begun.robots import Doing, Ops
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel import drives, roads

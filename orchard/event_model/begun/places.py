@@ -3,7 +3,7 @@
 import numpy as np
 
 from orchard.contract.messages import Places
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.begun.claims import Claims
 from orchard.event_model.begun.robots import Doing, Ops
 from orchard.event_model.harvest import EventHarvest
@@ -51,7 +51,7 @@ class PlacesOfRobots:
         """Set one of the sets of places of a robot."""
         bits = self._model.sets[kind, me.number]
         for place in places:
-            word, bit = divmod(self._program.place_numbers[place], 64)
+            word, bit = divmod(self._program.places.bits[place], 64)
             bits[word] |= np.uint64(1 << bit)
 
     def _told(self, me: Doing) -> list[str]:
@@ -67,7 +67,7 @@ class PlacesOfRobots:
         """Set for what traffic has a robot wait."""
         wish = self._claims.wish(me.name)
         if wish is not None:
-            me.more["wish"] = self._program.list_number(wish.places)
+            me.more["wish"] = self._program.places.number_of(wish.places)
             me.more["wish_since"] = wish.since
             me.more["wish_beside"] = self._numbers.get(wish.beside, c.NONE)
 
@@ -76,7 +76,7 @@ class PlacesOfRobots:
         wanted, beside = self._wanted(me)
         if set(wanted) <= set(me.memory.reserved):
             wanted = []
-        me.more["wanted"] = me.more["told_wanted"] = self._program.list_number(wanted)
+        me.more["wanted"] = me.more["told_wanted"] = self._program.places.number_of(wanted)
         me.more["beside"] = me.more["told_beside"] = self._numbers.get(beside, c.NONE)
         me.more["claimed"] = me.memory.claimed
         return wanted
@@ -102,7 +102,7 @@ class PlacesOfRobots:
             first, last = int(self._ops.first_need[me.op]), int(self._ops.last_need[me.op])
             lists = self._needs[first:last].tolist()
         for number in lists:
-            names = self._program.names_of(number)
+            names = self._program.places.names_of(number)
             if granted.intersection(names):
                 return list(names)
         return []

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from orchard.contract.messages import BinState, StateRequest, Yes
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.begun.claims import Claims
 from orchard.event_model.begun.moment import RunMoment
 from orchard.event_model.harvest import EventHarvest

@@ -6,7 +6,7 @@ charging line. A free charger goes to the one that stands there nearest to a hea
 
 from math import ceil, inf
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.places import tick_of
 from orchard.field.scenario import TIME_STEP

@@ -2,7 +2,7 @@
 bins from it, and bring empty ones.
 """
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.motion import set_alarm
 from orchard.event_model.kernel.places import tick_of

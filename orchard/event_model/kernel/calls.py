@@ -9,7 +9,7 @@ from orchard.behaviour.bin import CALL_AGAIN
 from orchard.behaviour.carrier import AT_HEAD, CHOOSING, MOVING_UP, REMEMBERED
 from orchard.behaviour.dispatcher import BOOKED_TICKS, POLL_TICKS
 from orchard.dispatch.ranking import MARGIN
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.kernel.batteries import use_battery
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.motion import is_moving, x_now

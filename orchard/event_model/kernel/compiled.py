@@ -10,7 +10,7 @@ from pathlib import Path
 
 from orchard.behaviour import bin, carrier, dispatcher
 from orchard.dispatch import ranking
-from orchard.event_model import columns, swing
+from orchard.event_model import codes, columns, swing
 from orchard.field import geometry
 from orchard.plans import failures, forecast, robot, sense, steps
 from orchard.sim.kernels.jit import jit
@@ -27,6 +27,7 @@ CONSTANTS_OF = (
     robot,
     sense,
     steps,
+    codes,
     columns,
     swing,
     geometry,

@@ -4,7 +4,7 @@ ahead.
 
 from math import ceil, floor
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.kernel.batteries import delay_charge, note_rest, ticks_to_flat
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.failures import fail, is_repaired, may_fail

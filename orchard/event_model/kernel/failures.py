@@ -5,7 +5,7 @@
 
 from math import ceil
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.motion import set_alarm
 from orchard.event_model.kernel.reports import hear_failed, hear_repaired, see_standing

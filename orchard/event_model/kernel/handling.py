@@ -1,6 +1,6 @@
 """Bins: a picker leaves the full one and takes the empty one that a carrier has brought."""
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.kernel.batteries import end_trip, use_battery
 from orchard.event_model.kernel.calls import call_carriers
 from orchard.event_model.kernel.compiled import inner

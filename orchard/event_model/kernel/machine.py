@@ -38,12 +38,12 @@ the lane, `deliver`, `need` and the loop to the full bin, `take bin`, drives to 
 drives to its line, `home`, and a drive to the line's head that the next order ends.
 
 Events of one time happen by their kind, and of one kind by the robots' names; but of robots that
-wake on one line the last one acts first. `columns` lists the
+wake on one line the last one acts first. `codes` lists the
 kinds in that order. A robot wakes in whole ticks; traffic hears claims half a tick later, and
 robots hear its answers a quarter after the next tick.
 """
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.kernel.batteries import (
     ask_for_charger,
     await_charge,
@@ -105,7 +105,7 @@ MOST_NOTES = 64
 
 @inner
 def run(m, until):
-    """Carry a harvest on to a time, exclusive, and return why it stopped: see `columns.PAUSED`."""
+    """Carry a harvest on to a time, exclusive, and return why it stopped: see `codes.PAUSED`."""
     while True:
         kind, robot = next_event(m)
         time = m.timers[kind, robot]

@@ -1,6 +1,6 @@
 """What a robot's motion is at the present time, and its alarm."""
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.kernel.compiled import inner
 from orchard.field.scenario import TIME_STEP
 

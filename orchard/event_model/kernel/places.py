@@ -4,7 +4,7 @@
 Claims that are sent in one tick are heard together half a tick later.
 """
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.kernel.compiled import inner
 from orchard.plans.robot import GIVEN_BACK, PATIENCE
 

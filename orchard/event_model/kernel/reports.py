@@ -13,7 +13,7 @@ from math import ceil, floor
 
 from orchard.behaviour.bin import CALL_AGAIN
 from orchard.behaviour.dispatcher import BOOKED_TICKS, FORGET_TICKS
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.places import tick_of
 from orchard.field.scenario import TIME_STEP

@@ -7,7 +7,7 @@ a whole step, or not.
 
 from math import ceil, inf
 
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.places import tick_of
 from orchard.event_model.swing import ASIDE, reaches_back

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from orchard.dispatch.policy import Assignment, BinReport, CarrierReport
-from orchard.event_model import columns as c
+from orchard.event_model import codes as c
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.policies import AskedPolicy
 from orchard.event_model.results import JAM, LONGEST

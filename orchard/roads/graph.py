@@ -19,6 +19,7 @@ from orchard.field.geometry import Pose
 from orchard.field.kinds import KINDS
 from orchard.field.layout import Lane, Layout
 from orchard.field.machines import Machine
+from orchard.field.queue import CLOSED_UP
 from orchard.plans.robot import Gate, Step
 from orchard.plans.route import OneWay, Side
 from orchard.plans.steps import DriveTo, Face, Free, Need
@@ -29,7 +30,7 @@ NEAR = 0.5  # m from a node within which a vehicle stands on it
 NEAR_IN_QUEUE = 2.0  # m, the same in the queue, where vehicles stand closer at the start than later
 RADIUS = KINDS["carrier"].radius  # m
 # m from one node in a line of the queue to the next: a vehicle behind another one reaches the next
-PITCH = 4.15
+PITCH = round(CLOSED_UP + 0.05, 2)
 
 
 @dataclass(frozen=True)

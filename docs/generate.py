@@ -6,30 +6,17 @@ of docs/bounds.md, and what docs/benchmark.md measures from docs/benchmark.json.
 `python -m docs.study` and `python -m docs.validation` measure anew.
 """
 
-import json
 from pathlib import Path
 
 from docs import api, benchmark, keyspace, policies, reference, study, validation
 from docs.exchange import exchange_plan
-from docs.unwrapped import unwrapped
+from docs.scenario_schema import schema_text
 from orchard.field.layout import lay_out
 from orchard.field.queue import ONE_WAY
 from orchard.field.scenario import Scenario
 from orchard.report.plan import orchard_plan
 
 ROOT = Path(__file__).parent.parent
-
-
-def schema_text() -> str:
-    """The text of `config/scenario.schema.json`, for editors.
-
-    It does not contain the rules that compare several fields.
-    """
-    schema = {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **Scenario.model_json_schema(),
-    }
-    return json.dumps(unwrapped(schema), indent=2) + "\n"
 
 
 def generated() -> dict[str, str]:

@@ -36,7 +36,7 @@ EXTRAS = ["app", "bags", "calibrate", "gym", "optimum", "roads", "study"]
 # Of three packages that stay, tests that need no other process.
 TESTS = ("tests/plans/test_steps.py", "tests/wire/test_keys.py", "tests/sim/test_deeds.py")
 # Their tests are about other packages than those of extras, and import none of these.
-FOLDERS = ("tests/commands", "tests/discrete", "tests/launch")
+FOLDERS = ("tests/behaviour", "tests/commands", "tests/discrete", "tests/field", "tests/launch")
 # Calls commands in one process, given as JSON. The last line of stdout is what each gives, as JSON.
 CALLS = """
 import json, sys

@@ -10,7 +10,7 @@ import yaml
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from docs.generate import schema_text
+from docs.scenario_schema import schema_text
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import People, Scenario, check, load, parse, to_yaml, with_changes

@@ -6,7 +6,7 @@ it. Failures, batteries, people, animals and errors of sensors are left out: the
 give none.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import floor
 from typing import NamedTuple
@@ -58,22 +58,31 @@ class TimedJob:
 
     picker: str
     lane: int
-    side: str  #: the end of the lane
-    crossings: list[Use]  #: of the picker since then, in their order
+    #: The end of the lane.
+    side: str
+    #: What the picker uses since it went on before, in its order; from the stop at the earliest on.
+    crossings: list[Use]
     #: From the time at which the picker went on before, or from the start, until a carrier can
     #: stand at its stop at the lane.
     ready: int
-    clearing: int  #: of it, from the full bin in the lane, as bins report it, on
-    way: list[Use]  #: of the carrier, from the first lane on, in their order
-    exits: list[
-        tuple[int, list[Use]]
-    ]  #: of each line of the queue: the ticks from its head to the stop, and the uses before `way`
-    approach: int  #: from a carrier's order, in its line's head, to the stop
-    going_on: int  #: from the stop until the picker goes on
-    to_bay: int  #: from the stop until the carrier stands in the bay
-    in_bay: int  #: from there until it knows that its bin is empty
-    to_head: int  #: from there to its line's head
-    #: From there to where it stands when the harvest is over: behind the others of its line.
+    #: The part of `ready` that comes after the full bin, as bins report it.
+    clearing: int
+    #: What the carrier uses from the first lane on, in its order.
+    way: list[Use]
+    #: For each line of the queue: the ticks from its head to the stop, and what the carrier uses
+    #: before `way`.
+    exits: list[tuple[int, list[Use]]]
+    #: From a carrier's order, in the head of its line, to the stop.
+    approach: int
+    #: From the stop until the picker goes on.
+    going_on: int
+    #: From the stop until the carrier stands in the bay.
+    to_bay: int
+    #: From there until it knows that its bin is empty.
+    in_bay: int
+    #: From the bay to the head of its line.
+    to_head: int
+    #: From the bay to where it stands when the harvest is over: behind the others of its line.
     to_rest: int
 
 
@@ -90,40 +99,47 @@ class TimedStep(NamedTuple):
     handling: float
 
     def at(self, gate: Gate) -> float | None:
-        """When a drive comes to a gate, s; None if it does not."""
+        """Return when a drive comes to a gate, s; None if it does not."""
         assert isinstance(self.step, DriveTo)
-        here, target = (
-            (self.pose.y, self.step.y) if self.step.x is None else (self.pose.x, self.step.x)
-        )
+        if self.step.x is None:
+            here = self.pose.y
+            target = self.step.y
+        else:
+            here = self.pose.x
+            target = self.step.x
         assert target is not None
-        ahead = (gate.at - here) * (1.0 if target >= here else -1.0)
-        return (
-            self.begins + ahead / self.speed
-            if -ROUNDING < ahead < abs(target - here) + ROUNDING
-            else None
-        )
+        direction = 1.0 if target >= here else -1.0
+        ahead = (gate.at - here) * direction
+        if -ROUNDING < ahead < abs(target - here) + ROUNDING:
+            return self.begins + ahead / self.speed
+        return None
 
     @property
     def needs(self) -> list[tuple[str, float]]:
-        """The places from which on it must have them, and when, s."""
+        """The places that the robot must have from this step on, and from when on, s."""
         if isinstance(self.step, Need):
             return [(place, self.ends) for place in self.step.places]
-        return self._passed(self.step.needs) if isinstance(self.step, DriveTo) else []
+        if isinstance(self.step, DriveTo):
+            return self._passed(self.step.needs)
+        return []
 
     @property
     def frees(self) -> list[tuple[str, float]]:
-        """The places that it gives back, and when, s."""
+        """The places that the robot gives back in this step, and when, s."""
         if isinstance(self.step, Free):
             return [(place, self.begins) for place in self.step.places]
-        return self._passed(self.step.frees) if isinstance(self.step, DriveTo) else []
+        if isinstance(self.step, DriveTo):
+            return self._passed(self.step.frees)
+        return []
 
     def _passed(self, gates: Sequence[Gate]) -> list[tuple[str, float]]:
-        return [
-            (place, at)
-            for gate in gates
-            if (at := self.at(gate)) is not None
-            for place in gate.places
-        ]
+        """Return the places of the gates to which the drive comes, and when, s."""
+        passed = []
+        for gate in gates:
+            seconds = self.at(gate)
+            if seconds is not None:
+                passed += [(place, seconds) for place in gate.places]
+        return passed
 
 
 def handover_seconds(layout: Layout) -> float:
@@ -146,119 +162,177 @@ def least_headway(carrier: Machine) -> float:
     return tail + STOP_DISTANCE + kind.length / 2 - carrier.speed * TIME_STEP
 
 
+@dataclass(frozen=True)
+class _Filling:
+    """What a picker does with one bin, from the empty one that it gets until it wants the next."""
+
+    picker: str
+    row: int
+    #: That of the row's end at which the bins are exchanged.
+    side: Side
+    #: When it went on with the empty bin, or started, s.
+    went_on: float
+    steps: Sequence[TimedStep]
+    #: Whether it goes on only once the carrier has left the lane's place.
+    waits_for_place: bool
+
+
 def jobs_of(layout: Layout) -> list[TimedJob]:
     """Return the jobs of a harvest: those of each picker in its order.
 
     Raises ValueError for a route on which robots do not take turns at the lanes.
     """
     route = route_of(layout)
-    return [
-        job for picker, block in layout.blocks.items() for job in _jobs_of(route, picker, block)
-    ]
+    jobs = []
+    for picker, block in layout.blocks.items():
+        for filling in _fillings(route, picker, block):
+            jobs.append(_job(route, filling))
+    return jobs
 
 
-def _jobs_of(route: OneWay, picker: str, block: Block) -> Iterator[TimedJob]:
+def _fillings(route: OneWay, picker: str, block: Block) -> Iterator[_Filling]:
+    """Yield what a picker does with each of its bins, on free roads."""
     layout = route.layout
     start = next(start.pose for start in layout.starts if start.name == picker)
-    passes = iter([one for one in layout.passes(block) if one.leaves_bin])
     plan = list(timed_steps(route.harvest(block), start, layout.machines["picker"]))
-    begins, went_on = 0, 0.0
-    for number, moment in enumerate(plan):
-        if isinstance(moment.step, FetchEmpty):
-            one = next(passes)
-            waits = any(isinstance(after.step, Alone) for after in plan[number : number + 3])
-            yield _job(
-                route, picker, one.row, route.sides[one.end], plan[begins:number], went_on, waits
+    passes = (current for current in layout.passes(block) if current.leaves_bin)
+    first = 0
+    went_on = 0.0
+    for number, timed in enumerate(plan):
+        if isinstance(timed.step, FetchEmpty):
+            current = next(passes)
+            begins = plan[number : number + 3]
+            yield _Filling(
+                picker=picker,
+                row=current.row,
+                side=route.sides[current.end],
+                went_on=went_on,
+                steps=plan[first:number],
+                waits_for_place=any(isinstance(after.step, Alone) for after in begins),
             )
-            begins, went_on = number + 1, moment.ends
+            first = number + 1
+            went_on = timed.ends
 
 
-def _job(
-    route: OneWay,
-    picker: str,
-    row: int,
-    side: Side,
-    before: Sequence[TimedStep],
-    went_on: float,
-    waits: bool,
-) -> TimedJob:
-    """`before`: the picker's steps since it `went_on`, s. `waits`: whether it goes on only once the
-    carrier has left the lane's place.
+def _job(route: OneWay, filling: _Filling) -> TimedJob:
+    """Return the job that takes the full bin away, and brings the picker an empty one.
+
+    Raises ValueError for a route on which robots do not take turns at the lane.
     """
-    layout, queue, place = route.layout, route.queue, side.place("D", row)
-    lines = range(0, layout.queue_places, queue.places)
+    layout = route.layout
     carrier = layout.machines["carrier"]
-    handover = handover_seconds(layout)
-    plans = []
-    for first in lines:
-        steps = route.fetch(first + 1, row, side, "", "")
-        plans.append(list(timed_steps(steps, queue.place(first), carrier)))
-    homes = [plan[-1].ends - begin_of(Unload, plan) for plan in plans]
-    backs = [_back(plan, carrier) - begin_of(Unload, plan) for plan in plans]
-    counts = [
-        layout.scenario.carrier_count - (0 if layout.first_charging else first) for first in lines
-    ]
-    behind = [(min(queue.places, count) - 1) * CLOSED_UP / carrier.speed for count in counts]
-    stop, way = begin_of(Deliver, plans[0]), _uses(plans[0])
-    of_lane = next((use for use in way if use.place == place), None)
-    crossings = _uses(before)
-    ready = next((use for use in reversed(crossings) if use.place == place), None)
-    if of_lane is None or ready is None:
+    row = filling.row
+    side = filling.side
+    trips = _trips(route, row, side)
+    way = _uses(trips[0])
+    stop = begin_of(Deliver, trips[0])
+    crossings = _uses(filling.steps)
+    place = side.place("D", row)
+    of_carrier = _use_of(place, way)
+    of_picker = _use_of(place, reversed(crossings))
+    if of_carrier is None or of_picker is None:
         raise ValueError(
             f"robots need no place {place} on your route, or do not give it back: so it is not"
             " known when they are there"
         )
-    stands = (
-        ready.at + ready.ticks * TIME_STEP + stop - of_lane.at
-    )  # when a carrier that holds before the lane can stand there
-    gone = of_lane.at + (of_lane.ticks - ASK) * TIME_STEP - stop
-    begins = min(
-        use.at for use in way if use.place in (side.place("D", 1), route.east.place("D", 1))
-    )  # all lines lead to there
-    left = next(number for number, moment in enumerate(before) if isinstance(moment.step, LeaveBin))
-    exits = [
-        (ticks(begin_of(Deliver, plan)), _before(plan, begin_of(Deliver, plan), begins - stop))
-        for plan in plans
-    ]
-    full = next(
-        moment.begins for moment in reversed(before[:left]) if isinstance(moment.step, DriveTo)
-    )  # at the row's end
+    # When a carrier that waits before the lane's place can be at its stop.
+    ready = of_picker.at + of_picker.ticks * TIME_STEP + stop - of_carrier.at
+    beyond = layout.beyond(row, side.name) / layout.machines["picker"].speed
+    going_on = handover_seconds(layout)
+    if filling.waits_for_place:
+        leaves_place = of_carrier.at + (of_carrier.ticks - ASK) * TIME_STEP - stop
+        going_on = max(going_on, leaves_place)
+    # The ways from all lines of the queue join before the first lane.
+    first_lane = (side.place("D", 1), route.east.place("D", 1))
+    joins = min(use.at for use in way if use.place in first_lane)
+    exits = [_exit(trip, until=joins - stop) for trip in trips]
+    to_rest = [_seconds_to_rest(route, line, trip) for line, trip in enumerate(trips)]
     return TimedJob(
-        picker,
-        row,
-        side.name,
-        [use._replace(at=use.at - stands) for use in crossings],
-        ticks(stands - went_on),
-        ticks(stands - full - layout.beyond(row, side.name) / layout.machines["picker"].speed),
-        [use._replace(at=use.at - stop) for use in way if use.at >= begins],
-        exits,
-        min(approach for approach, _ in exits),
-        ticks(max(handover, gone) if waits else handover),
-        ticks(min(begin_of(Unload, plan) - begin_of(Deliver, plan) for plan in plans)),
-        Unload().ticks(carrier),
-        ticks(min(homes)),
-        ticks(
-            min(
-                max(home - room, back)
-                for home, room, back in zip(homes, behind, backs, strict=True)
-            )
-        ),
+        picker=filling.picker,
+        lane=row,
+        side=side.name,
+        crossings=[use._replace(at=use.at - ready) for use in crossings],
+        ready=ticks(ready - filling.went_on),
+        clearing=ticks(ready - _filled_at(filling.steps) - beyond),
+        way=[use._replace(at=use.at - stop) for use in way if use.at >= joins],
+        exits=exits,
+        approach=min(approach for approach, _ in exits),
+        going_on=ticks(going_on),
+        to_bay=ticks(min(begin_of(Unload, trip) - begin_of(Deliver, trip) for trip in trips)),
+        in_bay=Unload().ticks(carrier),
+        to_head=ticks(min(trip[-1].ends - begin_of(Unload, trip) for trip in trips)),
+        to_rest=ticks(min(to_rest)),
     )
 
 
-def _back(plan: Sequence[TimedStep], carrier: Machine) -> float:
+def _trips(route: OneWay, row: int, side: Side) -> list[list[TimedStep]]:
+    """Return a carrier's steps from the head of each line of the queue to an end of a row, to the
+    bay and back, on free roads.
+    """
+    carrier = route.layout.machines["carrier"]
+    trips = []
+    for head in range(0, route.layout.queue_places, route.queue.places):
+        steps = route.fetch(head + 1, row, side, "", "")
+        trips.append(list(timed_steps(steps, route.queue.place(head), carrier)))
+    return trips
+
+
+def _use_of(place: str, uses: Iterable[Use]) -> Use | None:
+    """Return the first use of a place; None if there is none."""
+    for use in uses:
+        if use.place == place:
+            return use
+    return None
+
+
+def _filled_at(steps: Sequence[TimedStep]) -> float:
+    """Return when a picker begins its last drive before it leaves its full bin, s.
+
+    It is at the row's end then.
+    """
+    filled = 0.0
+    for timed in steps:
+        if isinstance(timed.step, LeaveBin):
+            break
+        if isinstance(timed.step, DriveTo):
+            filled = timed.begins
+    return filled
+
+
+def _exit(trip: Sequence[TimedStep], until: float) -> tuple[int, list[Use]]:
+    """Return the ticks that a carrier drives from its line's head to its stop, and what it uses on
+    that way until a time, s from its stop on.
+    """
+    stop = begin_of(Deliver, trip)
+    uses = [use._replace(at=use.at - stop) for use in _uses(trip)]
+    return ticks(stop), [use for use in uses if use.at < until - ROUNDING]
+
+
+def _seconds_to_rest(route: OneWay, line: int, trip: Sequence[TimedStep]) -> float:
+    """Return how long a carrier drives from the bay until it stands behind the others of its line,
+    s.
+
+    `line`: of the queue, from 0. It may be the last one to come there. It comes back from the
+    load-out in any case.
+    """
+    layout = route.layout
+    carrier = layout.machines["carrier"]
+    count = layout.scenario.carrier_count
+    if not layout.first_charging:
+        # Carriers without batteries each have a place, and fill the lines in their order.
+        count -= line * route.queue.places
+    behind = (min(route.queue.places, count) - 1) * CLOSED_UP / carrier.speed
+    unloads = begin_of(Unload, trip)
+    to_head = trip[-1].ends - unloads
+    return max(to_head - behind, _back(trip, carrier) - unloads)
+
+
+def _back(trip: Sequence[TimedStep], carrier: Machine) -> float:
     """Return when a carrier is back from the load-out, s; when it unloads, if it does not go."""
-    for moment in plan:
-        if isinstance(moment.step, Haul):
-            return moment.begins + carrier.haul_ticks * TIME_STEP
-    return begin_of(Unload, plan)
-
-
-def _before(plan: Sequence[TimedStep], stop: float, until: float) -> list[Use]:
-    """What a carrier uses until so many seconds from its stop on."""
-    return [
-        use._replace(at=use.at - stop) for use in _uses(plan) if use.at - stop < until - ROUNDING
-    ]
+    for timed in trip:
+        if isinstance(timed.step, Haul):
+            return timed.begins + carrier.haul_ticks * TIME_STEP
+    return begin_of(Unload, trip)
 
 
 def timed_steps(steps: Sequence[Step], start: Pose, machine: Machine) -> Iterator[TimedStep]:
@@ -280,8 +354,10 @@ def begin_of(kind: type[Step], plan: Sequence[TimedStep]) -> float:
 
 
 def _uses(plan: Sequence[TimedStep]) -> list[Use]:
-    """The places that a robot has on its way, in the order in which it comes to them."""
-    uses, open_uses = list[Use](), dict[str, int]()
+    """Return the places that a robot has on its way, in the order in which it comes to them."""
+    uses: list[Use] = []
+    # Place -> the number of its use, which has not ended.
+    open_uses: dict[str, int] = {}
     for moment in plan:
         for place, at in moment.needs:
             if place not in open_uses:

@@ -9,7 +9,7 @@ from stage import Stage, empty_orchard
 
 from orchard.discrete.harvest import DiscreteHarvest, Jam
 from orchard.field.layout import lay_out
-from orchard.report.bounds import Bounds, lost_seconds
+from orchard.report.bounds import Bounds, lost_seconds, schedule_seconds
 from orchard.report.long_run import long_run
 
 DRAWN = {"distribution": "lognormal", "cv": 0.28}
@@ -214,6 +214,31 @@ def test_the_limit_is_that_of_the_means_where_rows_are_alike(bins_per_row):
     assert 0.995 < bounds.terms["pickers"] * bounds.bin_seconds / 2 < 1.005
     carriers = layout.scenario.carrier_count
     assert bounds.terms["carriers"] * bounds.cycle_seconds == pytest.approx(carriers)
+
+
+@pytest.mark.parametrize("route", ["one-way", "two-way"])
+def test_a_picker_that_comes_out_of_its_row_crosses_once(route):
+    """While it comes out, it already waits for its carrier, and that counts once.
+
+    With many carriers that leave early, two more rows of each picker take twice what the limit
+    allows for a bin, or a little more.
+    """
+    layouts = [
+        lay_out(
+            empty_orchard(
+                rows=rows,
+                pickers=2,
+                carriers=8,
+                route=route,
+                dispatch="predictive",
+                row_length=60.0,
+                picking_speed=0.3,
+            )
+        )
+        for rows in (8, 12)
+    ]
+    fewer, more = (schedule_seconds(layout) for layout in layouts)
+    assert 0.98 < Bounds(layouts[0]).bin_seconds / ((more - fewer) / 2) <= 1.0
 
 
 def test_the_rate_of_a_long_run_is_not_cut_at_the_limit():

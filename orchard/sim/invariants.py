@@ -239,24 +239,30 @@ def _misplaced_bins(world: World) -> Iterator[Violation]:
     names = world.layout.names
     coupled = world.coupled.tolist()
     bay_ticks = world.bay_ticks.tolist()
-    # Bin -> the names of the robots that are coupled to it.
-    robots_at: dict[int, list[str]] = {}
-    for body, name in enumerate(names):
-        if kind_of(name) == "bin":
-            robots_at[body] = []
+    robots_at = _robots_at_bins(world)
     for body, partner in enumerate(coupled):
-        if body in robots_at or partner == NONE:
-            continue
-        name = names[body]
-        if partner in robots_at and kind_of(name) in ("picker", "carrier"):
-            robots_at[partner].append(name)
-        else:
-            yield _wrong_coupling(name, _name(names, partner))
+        is_free = body in robots_at or partner == NONE
+        if not is_free and names[body] not in robots_at.get(partner, []):
+            yield _wrong_coupling(names[body], _name(names, partner))
     for bin_, robots in robots_at.items():
-        robot = "" if coupled[bin_] == NONE else _name(names, coupled[bin_])
+        robot = ""
+        if coupled[bin_] != NONE:
+            robot = _name(names, coupled[bin_])
         fault = _place_fault(robot, robots, is_unloading=bay_ticks[bin_] > 0)
         if fault:
             yield f"place {names[bin_]}", f"{names[bin_]} {fault}"
+
+
+def _robots_at_bins(world: World) -> dict[int, list[str]]:
+    """Return the names of the pickers and carriers that are coupled to each bin."""
+    robots_at: dict[int, list[str]] = {}
+    for body, name in enumerate(world.layout.names):
+        if kind_of(name) == "bin":
+            robots_at[body] = []
+    for name, partner in zip(world.layout.names, world.coupled.tolist(), strict=True):
+        if partner in robots_at and kind_of(name) in ("picker", "carrier"):
+            robots_at[partner].append(name)
+    return robots_at
 
 
 def _wrong_coupling(name: str, partner: str) -> Violation:

@@ -64,6 +64,10 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
         {"coupled": {"bin_01": "nobody", "picker_01": "picker_02"}},
         "picker_01 is coupled to picker_02; a coupling needs a picker or carrier and a bin",
     ),
+    "a person at a bin": (
+        {"coupled": {"worker_01": "bin_01"}},
+        "worker_01 is coupled to bin_01; a coupling needs a picker or carrier and a bin",
+    ),
     "a metre that is picked into no bin": (
         {"row_ends": {(1, 0): 1.0}},
         "1.000 m are picked, but 0.000 m are in bins or delivered",

@@ -10,14 +10,16 @@ process does not load Rerun, and local mode does not load Zenoh.
 import os
 import sys
 
+# `python -m orchard` puts the working folder first in Python's path: a user's ast.py there would be
+# taken for Python's own.
 if (
+    # "-m" stands in the place of the program's name while Python looks for the module.
     sys.argv[:1] == ["-m"]
     and sys.orig_argv[-len(sys.argv)].split(".")[0] == __name__
     and not sys.flags.safe_path
+    # In a clone the working folder stays, because it holds the package.
     and sys.path[0] != os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
 ):
-    # `python -m orchard` has put the working folder first: a user's ast.py there would be taken for
-    # Python's own. In a clone this folder stays, because it holds the package.
     del sys.path[0]
 
 from pathlib import Path

@@ -148,6 +148,7 @@ def _why_unreadable(error: Exception) -> str:
 
 
 def _scenario(text: str, source: str) -> Scenario:
+    """Return the scenario in a JSON text. Raises ValueError if it is none."""
     try:
         return check(msgspec.json.decode(text), source)
     except (msgspec.MsgspecError, RecursionError) as error:
@@ -170,8 +171,11 @@ def check_robots(bag: Path, commands: Commands, names: Mapping[str, int]) -> Non
 
 
 def _robot_of(topic: str, kind: str) -> str:
+    """Return the robot that a topic drives; '' if it has no velocities. `kind`: of its messages."""
     robot, _, rest = topic.removeprefix("/").partition("/")
-    return robot if rest == "cmd_vel" and kind in VELOCITIES else ""
+    if rest == "cmd_vel" and kind in VELOCITIES:
+        return robot
+    return ""
 
 
 def _stamp_of(message: Any, time: int) -> int:

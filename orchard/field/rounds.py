@@ -24,8 +24,10 @@ ROUNDING = 1e-9
 class Round:
     """What a picker picks until the same rows are before it again."""
 
-    rows: int  #: each of its rows as often as the others; where all rows are alike, any of them
-    bins: float  #: that they fill; part of a bin counts as a part
+    #: The number of rows. Each row comes as often as the others; where all are alike, any row does.
+    rows: int
+    #: The number of bins that these rows fill. A part of a bin counts as a part.
+    bins: float
 
     @property
     def least(self) -> int:
@@ -49,7 +51,7 @@ class Round:
     def _rounds(self, exchanges: int) -> int:
         """Return how many whole rounds so many exchanges have."""
         rounds = max(0, floor(exchanges / self.bins + ROUNDING))
-        # A bin of which only a part counts must be whole in the list.
+        # The list has only whole exchanges: a part of a bin needs the whole one.
         while rounds and ceil(rounds * self.bins - ROUNDING) > exchanges:
             rounds -= 1
         return rounds

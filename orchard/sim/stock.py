@@ -15,9 +15,10 @@ def empty_bins(world: World) -> float:
     load_out = world.layout.scenario.load_out
     if load_out.empty_bins is None:
         return inf
-    at_bay, back, taken = world.trailers.T
-    under_way = int(taken[back > world.tick].sum())
-    return load_out.empty_bins - world.waiting_bins - int(at_bay.sum()) - under_way
+    loaded, back_at, taken = world.trailers.T
+    is_away = back_at > world.tick
+    full_on_trailers = int(loaded.sum()) + int(taken[is_away].sum())
+    return load_out.empty_bins - world.waiting_bins - full_on_trailers
 
 
 def is_any_there(world: World) -> bool:
@@ -26,7 +27,7 @@ def is_any_there(world: World) -> bool:
 
 
 def take(world: World) -> None:
-    """Take a full bin that was just unloaded, if it waits at the bay for the truck."""
+    """Count a full bin that was just unloaded, if bins wait at the bay for the truck."""
     if world.layout.machines["carrier"].truck_ticks:
         world.waiting_bins += 1
 

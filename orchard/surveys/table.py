@@ -26,7 +26,7 @@ _ROW = ("row", "rowid", "rowname", "rownumber", "rowno", "line", "name", "id", "
 _TREE = ("tree", "treeid", "treeno", "vine", "plant", "plantid")
 # Beginnings and ends of the names of columns that are of one end of a row.
 _ENDS = (("start", "begin", "from", "1"), ("end", "to", "2"))
-# Points of a row, from which on they are its trees.
+# Points of a row, on average. If there are more, they are its trees.
 MOST_OF_A_LINE = 3.0
 COLUMNS = "row,latitude,longitude"
 _SEPARATORS = ";\t,"
@@ -190,19 +190,25 @@ def _row(record: _Record, columns: _Columns) -> Feature:
     return feature
 
 
+def _are_trees(columns: _Columns, records_of: dict[str, list[_Record]]) -> bool:
+    """Whether the points of a table are trees, and not the ends of rows.
+
+    `records_of`: name of a row, "" for none -> its points.
+    """
+    if columns.tree is not None or "" in records_of:
+        return True
+    count = sum(len(of_row) for of_row in records_of.values())
+    rows = len(records_of)
+    return count == rows or count > MOST_OF_A_LINE * rows
+
+
 def _points_of(records: list[_Record], columns: _Columns) -> list[Feature]:
     """Return rows, if there are two or three points of each, else trees."""
     records_of: dict[str, list[_Record]] = defaultdict(list)
     for record in records:
         records_of[_row_name(record, columns)].append(record)
-    are_trees = (
-        columns.tree is not None
-        or "" in records_of
-        or len(records) > MOST_OF_A_LINE * len(records_of)
-        or len(records) == len(records_of)
-    )
     features = []
-    if are_trees:
+    if _are_trees(columns, records_of):
         for record in records:
             tree = record.properties
             if columns.row is not None and len(records) > len(records_of):

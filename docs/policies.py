@@ -2,12 +2,12 @@
 tables of docs/bounds.md.
 """
 
-import io
 import re
 from pathlib import Path
 
-import matplotlib
 from matplotlib.figure import Figure
+
+from docs.svg import svg_of
 
 PAGE = Path(__file__).with_name("bounds.md")
 POLICIES = ("nearest", "farthest-first", "predictive")
@@ -45,7 +45,7 @@ def picture() -> str:
     axes.set_ylabel("bins an hour", color=INK)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False, fontsize=8, ncols=2, labelcolor=INK)
-    return _svg(drawing)
+    return svg_of(drawing)
 
 
 def _rates(chapter: str) -> dict[str, dict[str, float]]:
@@ -63,17 +63,3 @@ def _rates(chapter: str) -> dict[str, dict[str, float]]:
         row[head[0]]: {policy: float(re.split(r"\s", row[policy])[0]) for policy in POLICIES}
         for row in rows
     }
-
-
-def _svg(drawing: Figure) -> str:
-    """The drawing as a file of SVG, the same each time."""
-    with matplotlib.rc_context(
-        {
-            "svg.fonttype": "none",
-            "svg.hashsalt": "orchard",
-            "font.sans-serif": ["DejaVu Sans", "sans-serif"],
-        }
-    ):
-        file = io.BytesIO()
-        drawing.savefig(file, format="svg", metadata={"Date": None})
-    return file.getvalue().decode()

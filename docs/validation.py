@@ -3,7 +3,6 @@
 `python -m docs.validation` measures anew.
 """
 
-import io
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,10 +12,10 @@ from pathlib import Path
 from statistics import fmean
 from textwrap import fill
 
-import matplotlib
 from matplotlib.figure import Figure
 from rich.progress import track
 
+from docs.svg import svg_of
 from orchard.field.layout import lay_out
 from orchard.field.scenario import NEAREST, Animals, People, Scenario
 from orchard.report.bounds import Bounds
@@ -279,16 +278,7 @@ def _picture(finding: Finding) -> str:
     axes.set_ylabel(QUANTITIES[finding.quantity][1], fontsize=8)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False, fontsize=8)
-    with matplotlib.rc_context(
-        {
-            "svg.fonttype": "none",
-            "svg.hashsalt": "orchard",
-            "font.sans-serif": ["DejaVu Sans", "sans-serif"],
-        }
-    ):
-        file = io.BytesIO()
-        drawing.savefig(file, format="svg", metadata={"Date": None})
-    return file.getvalue().decode()
+    return svg_of(drawing)
 
 
 TEXT = """\

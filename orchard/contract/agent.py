@@ -361,21 +361,16 @@ class Observations:
         )
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Observations":
-        parts = (
-            self.states,
-            self.scans,
-            self.hitches,
-            self.fills,
-            self.full,
-            self.accuracies,
-            self.charges,
-        )
         # The names are the layout's, and read-only.
-        return Observations(self.tick, self.names, *deepcopy(parts, memo))
+        return Observations(self.tick, self.names, *deepcopy(self._parts(), memo))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Be pickled with names of its own: a read-only map cannot be pickled."""
-        parts = (
+        return Observations, (self.tick, dict(self.names), *self._parts())
+
+    def _parts(self) -> tuple[Any, ...]:
+        """Return all but the tick and the names, in the order of the constructor."""
+        return (
             self.states,
             self.scans,
             self.hitches,
@@ -384,7 +379,6 @@ class Observations:
             self.accuracies,
             self.charges,
         )
-        return Observations, (self.tick, dict(self.names), *parts)
 
     def of(self, names: Iterable[str]) -> dict[str, Observation]:
         """Return the observations of these agents, by name.

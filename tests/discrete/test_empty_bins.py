@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import pytest
 from local_runs import start_afresh
-from quiet import NOBODY, laid_out
+from quiet import NOBODY, laid_out, small_harvest
 
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.event_model.begun.begin import begin_at
@@ -87,17 +87,7 @@ def stocks(seed: int, count: int) -> Iterator[Layout]:
         else:
             load_out["seconds_away"] = float(chances.randint(0, 400))
             load_out["trailers"] = {"count": chances.randint(1, 3), "bins": bins}
-        return NOBODY | {
-            "rows": chances.randint(4, 6),
-            "row_length": float(chances.randint(20, 30)),
-            "pickers": chances.randint(2, 3),
-            "carriers": chances.randint(1, 6),
-            "picking_speed": chances.choice([1.0, 0.4, 0.15]),
-            "route": chances.choice(["one-way", "two-way"]),
-            "dispatch": chances.choice(["nearest", "predictive", "rolling", "assignment"]),
-            "seed": chances.randint(1, 1000),
-            "load_out": load_out,
-        }
+        return small_harvest(chances, (4, 6), load_out)
 
     return laid_out(drawn, count)
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from local_runs import start_afresh
-from quiet import NOBODY, laid_out
+from quiet import NOBODY, laid_out, small_harvest
 
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.event_model.begun.begin import begin_at
@@ -89,17 +89,7 @@ def load_outs(seed: int, count: int) -> Iterator[Layout]:
                 "count": chances.randint(1, 3),
                 "bins": chances.randint(1, 4),
             }
-        return NOBODY | {
-            "rows": chances.randint(3, 5),
-            "row_length": float(chances.randint(20, 30)),
-            "pickers": chances.randint(2, 3),
-            "carriers": chances.randint(1, 6),
-            "picking_speed": chances.choice([1.0, 0.4, 0.15]),
-            "route": chances.choice(["one-way", "two-way"]),
-            "dispatch": chances.choice(["nearest", "predictive", "rolling", "assignment"]),
-            "seed": chances.randint(1, 1000),
-            "load_out": time_away,
-        }
+        return small_harvest(chances, (3, 5), time_away)
 
     return laid_out(drawn, count)
 

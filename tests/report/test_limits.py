@@ -3,6 +3,7 @@ with.
 """
 
 import pytest
+from drawn_scenarios import few_pickers
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from stage import Stage, empty_orchard
@@ -26,26 +27,10 @@ BY_HAND = {
 }
 
 
-@st.composite
-def orchards_whose_rows_differ(draw):
-    pickers = draw(st.integers(2, 4))
-    return {
-        "pickers": pickers,
-        "rows": draw(st.integers(max(3, pickers), 9)),
-        "carriers": draw(st.integers(1, 4)),
-        "picking_speed": draw(st.sampled_from([0.01, 0.05, 0.3])),
-        "bins_per_row": draw(st.sampled_from([None, 0.67, 2.9, 4.05])),
-        "dispatch": draw(st.sampled_from(["nearest", "predictive", "farthest-first"])),
-        "route": draw(st.sampled_from(["one-way", "two-way"])),
-        "picking": {"spread": DRAWN},
-        "seed": draw(st.integers(1, 1000)),
-    }
-
-
 @settings(max_examples=12)
 @example(BY_HAND)
 @example(BY_HAND | {"seed": 4})
-@given(orchards_whose_rows_differ())
+@given(few_pickers([{"spread": DRAWN}]))
 def test_no_long_run_exceeds_its_limit_where_rows_differ(values):
     assert_within_limit(values)
 
@@ -200,7 +185,7 @@ def test_the_summaries_of_many_harvests_keep_their_limits(values):
 
 @pytest.mark.soak
 @settings(max_examples=150)
-@given(orchards_whose_rows_differ())
+@given(few_pickers([{"spread": DRAWN}]))
 def test_many_long_runs_keep_their_limits_where_rows_differ(values):
     assert_within_limit(values)
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from math import ceil
 
 import pytest
+from drawn_scenarios import few_pickers
 from few_runs import FewRuns
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -116,34 +117,18 @@ FAST_ROWS = {
 }
 
 
-@st.composite
-def orchards(draw):
-    pickers = draw(st.integers(2, 4))
-    return {
-        "pickers": pickers,
-        "rows": draw(st.integers(max(3, pickers), 9)),
-        "carriers": draw(st.integers(1, 4)),
-        "picking_speed": draw(st.sampled_from([0.01, 0.05, 0.3])),
-        "bins_per_row": draw(st.sampled_from([None, 0.67, 2.9, 4.05])),
-        "dispatch": draw(st.sampled_from(["nearest", "predictive", "farthest-first"])),
-        "route": draw(st.sampled_from(["one-way", "two-way"])),
-        "picking": draw(st.sampled_from([{}, DRAWN["picking"]])),
-        "seed": draw(st.integers(1, 1000)),
-    }
-
-
 @settings(max_examples=10)
 @example("harvest", PART_FULL)
 @example("harvest", FAST_ROWS)
 @example("long", FAST_ROWS)
-@given(st.sampled_from(["long", "harvest"]), orchards())
+@given(st.sampled_from(["long", "harvest"]), few_pickers([{}, DRAWN["picking"]]))
 def test_no_run_of_a_study_exceeds_the_limit(horizon, values):
     assert_within_limit(horizon, values)
 
 
 @pytest.mark.soak
 @settings(max_examples=150)
-@given(st.sampled_from(["long", "harvest"]), orchards())
+@given(st.sampled_from(["long", "harvest"]), few_pickers([{}, DRAWN["picking"]]))
 def test_many_runs_of_studies_keep_their_limits(horizon, values):
     assert_within_limit(horizon, values)
 

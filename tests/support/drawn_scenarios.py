@@ -17,3 +17,20 @@ SCENARIOS = st.builds(
     weeds=st.integers(0, 20),
     laser=st.builds(LaserSettings, noise=st.sampled_from([0.0, 0.01])),
 )
+
+
+@st.composite
+def few_pickers(draw, pickings):
+    """Draw the values of an orchard of few pickers. `pickings`: sections `picking` to draw from."""
+    pickers = draw(st.integers(2, 4))
+    return {
+        "pickers": pickers,
+        "rows": draw(st.integers(max(3, pickers), 9)),
+        "carriers": draw(st.integers(1, 4)),
+        "picking_speed": draw(st.sampled_from([0.01, 0.05, 0.3])),
+        "bins_per_row": draw(st.sampled_from([None, 0.67, 2.9, 4.05])),
+        "dispatch": draw(st.sampled_from(["nearest", "predictive", "farthest-first"])),
+        "route": draw(st.sampled_from(["one-way", "two-way"])),
+        "picking": draw(st.sampled_from(pickings)),
+        "seed": draw(st.integers(1, 1000)),
+    }

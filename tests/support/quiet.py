@@ -59,6 +59,24 @@ def laid_out(drawn: Callable[[], dict[str, Any]], count: int) -> Iterator[Layout
         yield layout
 
 
+def small_harvest(chances: Random, rows: tuple[int, int], load_out: Any) -> dict[str, Any]:
+    """Return a small orchard, drawn at random, with this load-out.
+
+    `rows`: the fewest and the most.
+    """
+    return NOBODY | {
+        "rows": chances.randint(*rows),
+        "row_length": float(chances.randint(20, 30)),
+        "pickers": chances.randint(2, 3),
+        "carriers": chances.randint(1, 6),
+        "picking_speed": chances.choice([1.0, 0.4, 0.15]),
+        "route": chances.choice(["one-way", "two-way"]),
+        "dispatch": chances.choice(["nearest", "predictive", "rolling", "assignment"]),
+        "seed": chances.randint(1, 1000),
+        "load_out": load_out,
+    }
+
+
 def _values(chances: Random) -> dict[str, Any]:
     """Return the values of a scenario, which may be impossible together."""
     rows = chances.randint(2, 14)

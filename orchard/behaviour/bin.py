@@ -153,19 +153,19 @@ class Bin:
         yaw = seen.pose.yaw
         exact = twist_to(seen.pose, place_behind(hitch, yaw))
         straight = straight_twist(hitch, yaw)
-        action.twist = straight if is_near(exact, straight, KEEPS) else exact
+        action.twist = exact
+        if is_near(exact, straight, KEEPS):
+            action.twist = straight
         is_turning = bool(hitch.twist.yaw) or abs(exact.yaw) > ALIGNED
         # While it holds, the two drift apart further: so a hold begins only at half the distance.
         if is_turning or not is_near(exact, straight, KEEPS / 2):
             action.hold = None
-        action.doing = f"{'full' if seen.full else 'empty'}, on {hitch.name}"
+        _show_ride(seen, hitch.name, action)
         if kind_of(hitch.name) == "picker":
             memory.picker = hitch.name
             if self.forecast is None:
                 memory.since = -1
-            action.state = "waiting" if seen.full else "picking"
             return
-        action.state = "hauling" if seen.full else "driving"
         memory.since = -1
         memory.left_at = None
         if memory.carrier:
@@ -314,6 +314,17 @@ class Bin:
         """Return the lane, and the end of it, in the mouth of which the bin stands."""
         lane = min(self.layout.lanes, key=lambda lane: abs(lane.y - y))
         return Standing(lane.number, "east" if x > self.layout.middle else "west")
+
+
+def _show_ride(seen: Observation, robot: str, action: Action) -> None:
+    """Set what a bin on the bar of a robot is shown to do."""
+    is_at_picker = kind_of(robot) == "picker"
+    if seen.full:
+        action.doing = f"full, on {robot}"
+        action.state = "waiting" if is_at_picker else "hauling"
+    else:
+        action.doing = f"empty, on {robot}"
+        action.state = "picking" if is_at_picker else "driving"
 
 
 def _show_call(memory: BinMemory, action: Action) -> None:

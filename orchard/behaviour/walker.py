@@ -143,8 +143,10 @@ def tell_where(seen: Observation, mail: Mail) -> list[tuple[Heard, Answer]]:
     here = Position(seen.x, seen.y)
     answers: list[tuple[Heard, Answer]] = []
     for heard in mail.requests:
-        is_asked_where = isinstance(heard.body, Where)
-        answers.append((heard, here if is_asked_where else No("I only walk here")))
+        if isinstance(heard.body, Where):
+            answers.append((heard, here))
+        else:
+            answers.append((heard, No("I only walk here")))
     return answers
 
 
@@ -155,13 +157,17 @@ def walk(
 
     `whim`: its velocity if nothing makes it steer. `speed`: m/s, if something does.
     """
-    twist = (
-        bump(seen, memory, seed)
-        or break_out(seen, memory, seed, min(1.0, kind.speed), kind.turn)
-        or avoid(seen, memory, speed, kind.turn)
-    )
-    memory.moving = (twist or whim) != STILL
-    return twist or whim, "turning away" if twist else ""
+    twist = bump(seen, memory, seed)
+    if twist is None:
+        twist = break_out(seen, memory, seed, min(1.0, kind.speed), kind.turn)
+    if twist is None:
+        twist = avoid(seen, memory, speed, kind.turn)
+    evading = "turning away"
+    if twist is None:
+        twist = whim
+        evading = ""
+    memory.moving = twist != STILL
+    return twist, evading
 
 
 def bump(seen: Observation, memory: WalkerMemory, seed: int) -> Twist | None:
@@ -173,7 +179,9 @@ def bump(seen: Observation, memory: WalkerMemory, seed: int) -> Twist | None:
         memory.way = int(len(WAYS) * draw(seed, seen.name, seen.tick, 2)[1])
         memory.recovers_until = seen.tick + RECOVERY
         memory.out = None
-    return WAYS[memory.way] if seen.tick < memory.recovers_until else None
+    if seen.tick < memory.recovers_until:
+        return WAYS[memory.way]
+    return None
 
 
 def avoid(seen: Observation, memory: WalkerMemory, speed: float, most_turn: float) -> Twist | None:
@@ -181,10 +189,16 @@ def avoid(seen: Observation, memory: WalkerMemory, speed: float, most_turn: floa
     if is_path_free(seen, STEER_WITHIN):
         memory.turning = False
         return None
-    memory.turning = not is_path_free(seen, 2 * TURN_WITHIN if memory.turning else TURN_WITHIN)
+    turn_within = TURN_WITHIN
+    if memory.turning:
+        # It turns further than it must.
+        turn_within = 2 * TURN_WITHIN
+    memory.turning = not is_path_free(seen, turn_within)
     if memory.turning:
         return Twist(yaw=min(PI / 2, most_turn))
-    return Twist(x=speed, yaw=STEER if is_left_freer(seen.scan, STEER_WITHIN) else -STEER)
+    if is_left_freer(seen.scan, STEER_WITHIN):
+        return Twist(x=speed, yaw=STEER)
+    return Twist(x=speed, yaw=-STEER)
 
 
 def break_out(
@@ -238,10 +252,13 @@ def hold_of(
 
 def ticks_within(seen: Observation, memory: WalkerMemory, twist: Twist) -> int:
     """Return the ticks for which a walker surely stays within LINGER of where it lingers."""
-    dx, dy = seen.x - memory.x, seen.y - memory.y
+    dx = seen.x - memory.x
+    dy = seen.y - memory.y
     room = max(0.0, LINGER - math.sqrt(dx * dx + dy * dy) - SLACK)
     step = twist.x * TIME_STEP
-    return int(room / step) if step * MOST_HOLD > room else MOST_HOLD
+    if step * MOST_HOLD > room:
+        return int(room / step)
+    return MOST_HOLD
 
 
 def way_out(seen: Observation, chance: float) -> float:

@@ -79,7 +79,10 @@ def machine_of(scenario: Scenario, kind: str) -> Machine:
     load_out = scenario.load_out
     driving = _ticks(load_out.seconds_on_the_way)
     standing = _ticks(load_out.seconds)
-    of_carriers = load_out.is_of_carriers
+    trailer = max(1, driving + standing) if load_out.has_trailers else 0
+    if not load_out.is_of_carriers:
+        driving = 0
+        standing = 0
     return Machine(
         speed=speed,
         turn=turn,
@@ -87,9 +90,9 @@ def machine_of(scenario: Scenario, kind: str) -> Machine:
         uncoupling_ticks=_ticks(handling.uncoupling),
         exchange_ticks=_ticks(handling.exchange),
         unloading_ticks=_ticks(handling.unloading),
-        haul_driving_ticks=driving if of_carriers else 0,
-        haul_standing_ticks=standing if of_carriers else 0,
-        trailer_ticks=max(1, driving + standing) if load_out.has_trailers else 0,
+        haul_driving_ticks=driving,
+        haul_standing_ticks=standing,
+        trailer_ticks=trailer,
         truck_ticks=_ticks(load_out.truck.every or 0.0),
     )
 

@@ -12,6 +12,7 @@ from orchard.behaviour.carrier import CarrierMemory, Job
 from orchard.behaviour.picker import Picker
 from orchard.contract.agent import Heard, Mail, Reply
 from orchard.contract.messages import Answer, Call, Come, Confirm, Here, No, Offer
+from orchard.field.kinds import kind_of
 from orchard.field.layout import lay_out
 from orchard.field.scenario import NEAREST, Scenario
 from orchard.local import Local
@@ -267,3 +268,21 @@ def test_a_carrier_that_forgot_its_job_is_replaced_by_a_new_call():
     )
     stage.run_until(lambda: len(exchanges(stage)) == 1, 400)
     assert_every_bin_is_taken_once(stage)
+
+
+def test_a_bin_shows_what_its_robot_does_with_it():
+    """The words of a bin on a bar, and its state, in a whole small harvest."""
+    run = Local(empty_orchard(rows=3, pickers=2, carriers=2, row_length=20.0, picking_speed=1.0))
+    shown = set()
+    while not run.ended:
+        run.tick()
+        for name, action in run.actions.items():
+            words, _, robot = action.doing.partition(", on ")
+            if kind_of(name) == "bin" and robot:
+                shown.add((words, kind_of(robot), action.state))
+    assert shown == {
+        ("empty", "picker", "picking"),
+        ("full", "picker", "waiting"),
+        ("full", "carrier", "hauling"),
+        ("empty", "carrier", "driving"),
+    }

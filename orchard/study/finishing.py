@@ -78,6 +78,24 @@ def finish_problems(
     options: StudyOptions,
 ) -> list[Problem]:
     """Return what is wrong with a question, before any limit is known."""
+    problems = _problems_of_deadline(scenario, varied, deadline, options)
+    asked = {key: varied[key] for key in OF_FLEETS if varied.get(key)}
+    settings, faults = checked_settings(scenario, asked, replace(options, goal=None))
+    for key in OF_FLEETS:
+        # What is wrong with prices is said once.
+        are_prices_wrong = any(fault.path == "prices" for fault in faults)
+        if settings and key in varied and not are_prices_wrong:
+            faults += free_robots(settings, key)
+    return problems + faults
+
+
+def _problems_of_deadline(
+    scenario: Scenario,
+    varied: Mapping[str, Sequence[Any]],
+    deadline: Deadline,
+    options: StudyOptions,
+) -> list[Problem]:
+    """Return what cannot be asked together with a deadline."""
     problems = []
     others = [key for key in varied if key not in OF_FLEETS]
     if others:
@@ -89,16 +107,7 @@ def finish_problems(
     if options.goal is not None:
         text = "with a deadline the cheapest fleet is the answer; leave --goal out"
         problems.append(Problem(f"--goal {options.goal}", text))
-    asked = {}
-    for key in OF_FLEETS:
-        if varied.get(key):
-            asked[key] = varied[key]
-    settings, faults = checked_settings(scenario, asked, replace(options, goal=None))
-    if settings:
-        for key in OF_FLEETS:
-            if key in varied and not any(fault.path == "prices" for fault in faults):
-                faults += free_robots(settings, key)
-    return problems + faults
+    return problems
 
 
 @dataclass

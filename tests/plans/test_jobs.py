@@ -82,7 +82,7 @@ def test_a_picker_that_stays_in_its_row_lets_the_carrier_out():
     assert [job.going_on for job in in_one_row[:3]] == [8, 72, 8]
 
 
-def test_a_job_begins_once_the_picker_has_left_the_lanes_place():
+def test_a_carrier_stops_once_its_picker_has_left_the_place():
     """From the carrier's stop on, the picker's use of the place ends when the carrier's begins."""
     for job in jobs(route="one-way"):
         place = f"{job.side}/D/{job.lane}"
@@ -91,7 +91,7 @@ def test_a_job_begins_once_the_picker_has_left_the_lanes_place():
         assert of_picker.at + 0.1 * of_picker.ticks == pytest.approx(of_carrier.at)
 
 
-def test_each_line_of_the_queue_has_its_own_way_to_the_first_lane():
+def test_each_line_of_the_queue_has_its_way_to_the_first_lane():
     """The nearest line gives the approach. What all lines share is in the way, and in no exit."""
     job = jobs(route="two-way", **BATTERIES)[0]
     assert [(ticks, len(uses)) for ticks, uses in job.exits] == [

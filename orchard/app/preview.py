@@ -9,6 +9,7 @@ from orchard.field.scenario import Scenario
 from orchard.report.bounds import Bounds, schedule_seconds
 from orchard.report.limits import limit_of_question
 from orchard.report.plan import COLOURS, orchard_plan
+from orchard.report.rare_truck import notes_on_truck
 from orchard.report.summary import clock
 
 # How many carriers there are if the user leaves that to the program.
@@ -39,6 +40,7 @@ def figures(layout: Layout, limit: Bounds) -> list[Figure]:
         ("Carriers", str(layout.scenario.carrier_count), "as set" if carriers else CARRIERS),
         ("Bins", str(bin_count), f"one for each robot; the harvest fills {layout.bins}"),
         _tree_figure(layout),
+        *_truck_figures(layout),
         (
             "Harvest field",
             f"{layout.east - X_WEST:g} x {layout.top - layout.bottom:.1f} m",
@@ -62,6 +64,15 @@ def _tree_figure(layout: Layout) -> Figure:
     most = max(trees)
     in_each_line = f"{fewest}" if fewest == most else f"{fewest} to {most}"
     return "Trees", str(sum(trees)), f"{len(trees)} lines of {in_each_line}"
+
+
+def _truck_figures(layout: Layout) -> list[Figure]:
+    """Return what a user should know of a truck that comes more rarely than the harvest lasts."""
+    truck = layout.scenario.load_out.truck
+    figures = []
+    for note in notes_on_truck(layout):
+        figures.append(("Truck", f"every {clock(truck.every or 0.0)}", note))
+    return figures
 
 
 def derive(scenario: Scenario) -> tuple[list[Figure], dict[str, float]]:

@@ -297,8 +297,13 @@ class EventHarvest:
         """The length of the harvest, s."""
         robots = self.model.robots
         stand = np.minimum(robots.stood, robots.parked)
-        backs = [*robots.back.tolist(), *self.model.trailers.back.tolist()]
-        return float(max(stand.max(), *backs)) * TIME_STEP
+        last = float(max(stand.max(), robots.back.max())) * TIME_STEP
+        return max(last, self.trailers_back)
+
+    @property
+    def trailers_back(self) -> float:
+        """The time at which the last trailer is back from the load-out, s; 0 without trailers."""
+        return float(max([0, *self.model.trailers.back.tolist()])) * TIME_STEP
 
     @property
     def flat(self) -> list[str]:

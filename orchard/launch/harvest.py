@@ -18,6 +18,7 @@ from orchard.launch.run_folder import RunFolder, alone
 from orchard.launch.web_ports import check_ports
 from orchard.net.endpoints import BusError
 from orchard.report.progress import Progress
+from orchard.report.rare_truck import notes_on_truck
 from orchard.report.summary import SUMMARY
 from orchard.sim.snapshot import KEYFRAME, SNAPSHOT, SnapshotError, as_file, store
 from orchard.terminal.exits import exit_on_errors, needs_extra
@@ -57,8 +58,9 @@ def _request(chosen: HarvestOptions, beginning: Beginning, runs: RunFolder) -> R
 
     Raises ScenarioError, SnapshotError, BusError, OSError or ValueError.
     """
-    check_plugins(lay_out(beginning.scenario))
-    for note in notes_on([beginning.scenario.dispatch]):
+    layout = lay_out(beginning.scenario)
+    check_plugins(layout)
+    for note in (*notes_on([beginning.scenario.dispatch]), *notes_on_truck(layout)):
         print_error(note)
     recording = runs.recording(chosen.record)
     if chosen.resume is None:

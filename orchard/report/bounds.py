@@ -31,7 +31,7 @@ from orchard.plans.jobs import (
     timed_steps,
 )
 from orchard.plans.route import OneWay, Side
-from orchard.plans.routes import ROUTES, route_of, way_to
+from orchard.plans.routes import route_of, way_to
 from orchard.plans.steps import Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
 
 if TYPE_CHECKING:
@@ -314,20 +314,12 @@ def undisturbed(scenario: Scenario, **changes: object) -> Scenario:
     return Scenario(**scenario.model_dump() | nothing | changes)
 
 
-def with_endless_batteries(layout: Layout) -> Layout:
-    """Return the same layout, its charging lines too, for carriers that never need to charge."""
-    scenario = layout.scenario
-    battery = scenario.carrying.battery.model_copy(update={"hours": inf})
-    carrying = scenario.carrying.model_copy(update={"battery": battery})
-    return replace(layout, scenario=scenario.model_copy(update={"carrying": carrying}))
-
-
 def schedule_seconds(layout: Layout) -> float:
     """Return the time of the harvest with roads that each robot has to itself, s."""
-    return _seconds_on_free_roads(_ideal(layout))
+    return seconds_on_free_roads(ideal_of(layout))
 
 
-def _ideal(layout: Layout) -> Layout:
+def ideal_of(layout: Layout) -> Layout:
     """Return the layout without all that disturbs, and with rules that the fast model knows."""
     scenario = layout.scenario
     route = route_of(layout)
@@ -340,7 +332,7 @@ def _ideal(layout: Layout) -> Layout:
     )
 
 
-def _harvested(layout: Layout, free_roads: bool = False) -> "EventHarvest":
+def harvested(layout: Layout, free_roads: bool = False) -> "EventHarvest":
     """Return a harvest of the event model that is done."""
     # They load numba, which takes a second. The limits alone need none of it.
     from orchard.event_model.harvest import EventHarvest
@@ -350,23 +342,19 @@ def _harvested(layout: Layout, free_roads: bool = False) -> "EventHarvest":
     return harvest.run()
 
 
-def _length_alone(layout: Layout, seconds: float) -> float:
-    """Return the length of a harvest in the event model, s, at most `seconds`.
-
-    One that does not end there tells nothing.
+def seconds_on_free_roads(ideal: Layout) -> float:
+    """Return the time of the harvest of what `ideal_of` returns, s, with roads that each robot has
+    to itself: until all robots stand in their places, and all trailers are back.
     """
-    harvest = _harvested(layout)
-    return min(seconds, harvest.seconds) if harvest.is_over else seconds
-
-
-def _seconds_on_free_roads(ideal: Layout) -> float:
+    harvest = harvested(ideal, free_roads=True)
     stood = {"picker": 0.0, "carrier": 0.0}
-    for name, since in _harvested(ideal, free_roads=True).stood.items():
+    for name, since in harvest.stood.items():
         stood[kind_of(name)] = max(stood[kind_of(name)], since)
     # The last carrier stops behind the others in its line.
     before = min(ideal.scenario.carrier_count, ideal.queue.places) - 1
     metres = before * CLOSED_UP
-    return max(stood["picker"], stood["carrier"] - metres / ideal.machines["carrier"].speed)
+    parked = stood["carrier"] - metres / ideal.machines["carrier"].speed
+    return max(stood["picker"], parked, harvest.trailers_back)
 
 
 def proven_seconds(layout: Layout) -> float | None:
@@ -388,48 +376,3 @@ def _proven(layout: Layout) -> float | None:
         return optimum(layout, PROOF, free_roads=True).proven_seconds
     except ValueError:  # NoBound, or a route of the user's own on which robots take no turns
         return None
-
-
-def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
-    """Split the length of a whole harvest, s, into parts that add up to it; {} if it has agents, a
-    policy or a route of the user's own.
-
-    `optimum`: what is proven of the shortest harvest without traffic. `dispatch`: what the policy,
-    and robots that fail, lose without traffic. `traffic`: what robots lose to each other.
-    `charging`: what batteries cost then. `people_and_animals`: the rest. Without a proof `schedule`
-    is the first two.
-    """
-    scenario = layout.scenario
-    if (
-        scenario.agents
-        or scenario.agents_without_body
-        or scenario.dispatch not in POLICIES
-        or scenario.route not in ROUTES
-    ):
-        return {}
-    alone = undisturbed(scenario)
-    proven = proven_seconds(layout)
-    has_batteries = scenario.has_batteries
-    ideal = _ideal(layout)
-    # On free roads a carrier may stop before its picker is out of its way, and be faster than is
-    # proven.
-    uncharged_ideal = with_endless_batteries(ideal) if has_batteries else ideal
-    schedule = max(_seconds_on_free_roads(uncharged_ideal), proven or 0.0)
-    modelled = seconds
-    if has_batteries or alone != scenario:
-        modelled = _length_alone(lay_out(alone), seconds)
-    own = modelled if alone != scenario else seconds
-    charging = 0.0
-    if has_batteries:
-        # Both are lengths of one model: what it is off by is nothing that batteries cost.
-        endless = with_endless_batteries(lay_out(alone))
-        charging = modelled - _length_alone(endless, modelled)
-    if proven is None:
-        parts = {"schedule": schedule}
-    else:
-        parts = {"optimum": proven, "dispatch": schedule - proven}
-    parts["traffic"] = own - charging - schedule
-    if has_batteries:
-        parts["charging"] = charging
-    parts["people_and_animals"] = seconds - own
-    return {name: round(part, 1) for name, part in parts.items()}

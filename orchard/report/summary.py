@@ -320,6 +320,7 @@ def _counted_bins(delivered: int, per_hour: float, seconds: float) -> str:
 LOSSES = {
     "dispatch": "the dispatch policy",
     "charging": "charging",
+    "load_out": "waits for trailers, the truck or empty bins",
     "traffic": "traffic",
     "people_and_animals": "people and animals",
 }

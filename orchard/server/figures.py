@@ -9,8 +9,8 @@ from msgspec import Meta
 from orchard.contract.agent import state_of
 from orchard.contract.events import Event
 from orchard.field.scenario import TIME_STEP
-from orchard.report.bounds import lost_seconds
 from orchard.report.ending import fault_of, jam_of
+from orchard.report.losses import lost_seconds
 from orchard.report.metrics import HarvestFigures, History, harvest_figures, sample_of
 from orchard.sim.engine import Engine
 from orchard.sim.snapshot import SnapshotError

@@ -8,6 +8,7 @@ from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
 from orchard.report.bounds import Bounds
 from orchard.report.limits import full_bins
+from orchard.report.rare_truck import notes_on_truck
 from orchard.study.options import StudyOptions
 from orchard.study.replications import Replications
 from orchard.study.result import Model
@@ -126,6 +127,12 @@ class StudyNotes:
             f"each picker's last bin may be part full: {layout.bins} bins have the fruit of"
             f" {fruit:.1f}, so a full one costs {more:.1f} % more; bins an hour are full ones"
         ]
+
+    def rare_truck(self, scenario: Scenario) -> list[str]:
+        """Return what follows if one harvest is over before the truck comes."""
+        if self.options.horizon == "long":
+            return []
+        return [*notes_on_truck(lay_out(scenario))]
 
     def _words(self, i: int) -> str:
         return self.runs.settings[i].words or "the scenario"

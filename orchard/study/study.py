@@ -421,6 +421,7 @@ class _Study:
         if not self.circumstances:
             scenario = self.scenario if best is None else self.settings[best].scenario
             sentences += notes.part_full(scenario)
+            sentences += notes.rare_truck(scenario)
         return sentences + self.notes_of_checks + notes.damaged()
 
     def _row(self, i: int, comparisons: Sequence[Comparison]) -> Row:

@@ -114,7 +114,15 @@ EXCHANGES = _schema(
 # -- the summary: one row, with the same columns whatever happened
 
 COUNT = pa.int64()
-LOSSES = ("optimum", "schedule", "dispatch", "traffic", "charging", "people_and_animals")
+LOSSES = (
+    "optimum",
+    "schedule",
+    "dispatch",
+    "traffic",
+    "charging",
+    "load_out",
+    "people_and_animals",
+)
 _OF_SUMMARY: dict[pa.DataType, tuple[str, ...]] = {
     TEXT: (
         "hash",

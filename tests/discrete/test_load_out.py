@@ -21,7 +21,8 @@ from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, parse
 from orchard.local import Local
 from orchard.plans.steps import Charge, Haul
-from orchard.report.bounds import Bounds, lost_seconds, proven_seconds
+from orchard.report.bounds import Bounds, proven_seconds
+from orchard.report.losses import lost_seconds
 
 SMALL: dict[str, Any] = NOBODY | {
     "rows": 4,

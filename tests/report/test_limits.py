@@ -10,8 +10,9 @@ from stage import Stage, empty_orchard
 
 from orchard.discrete.harvest import DiscreteHarvest, Jam
 from orchard.field.layout import lay_out
-from orchard.report.bounds import Bounds, lost_seconds, schedule_seconds
+from orchard.report.bounds import Bounds, schedule_seconds
 from orchard.report.long_run import long_run
+from orchard.report.losses import lost_seconds
 
 DRAWN = {"distribution": "lognormal", "cv": 0.28}
 BY_HAND = {

@@ -16,8 +16,9 @@ from orchard.plans.routes import duration
 from orchard.plans.steps import DriveTo, Face
 from orchard.plans.two_way import TwoWay
 from orchard.report import bounds, metrics
-from orchard.report.bounds import Bounds, lost_seconds, proven_seconds, schedule_seconds
+from orchard.report.bounds import Bounds, proven_seconds, schedule_seconds
 from orchard.report.long_run import long_run
+from orchard.report.losses import lost_seconds
 from orchard.report.metrics import HarvestFigures, shares
 from orchard.report.summary import as_table
 from orchard.server.figures import RunFigures

@@ -1,0 +1,117 @@
+"""What a whole harvest was lost to: parts that add up to its length.
+
+What batteries cost, and what waits in the bay cost, is the difference of two harvests of the event
+model: one with them, and one of the same layout without. So what the model is off by counts as
+neither.
+"""
+
+from dataclasses import replace
+from math import inf
+
+from orchard.dispatch.policies import POLICIES
+from orchard.field.layout import Layout, lay_out
+from orchard.field.scenario import Scenario
+from orchard.field.scenario.sections import Trailers, Truck
+from orchard.plans.routes import ROUTES
+from orchard.report.bounds import (
+    harvested,
+    ideal_of,
+    proven_seconds,
+    seconds_on_free_roads,
+    undisturbed,
+)
+
+
+def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
+    """Split the length of a whole harvest, s, into parts that add up to it; {} if it has agents, a
+    policy or a route of the user's own.
+
+    `optimum`: what is proven of the shortest harvest without traffic. `dispatch`: what the policy,
+    and robots that fail, lose without traffic. `traffic`: what robots lose to each other.
+    `load_out`: what trailers, the truck and a lack of empty bins cost then. `charging`: what
+    batteries cost then. `people_and_animals`: the rest. Without a proof `schedule` is the first
+    two.
+    """
+    scenario = layout.scenario
+    if not _is_built_in(scenario):
+        return {}
+    alone = lay_out(undisturbed(scenario))
+    has_batteries = scenario.has_batteries
+    waits = scenario.load_out.has_trailers or scenario.load_out.has_truck
+    costs = {}
+    rest = seconds
+    if has_batteries or waits or alone.scenario != scenario:
+        rest = _length_alone(alone, seconds)
+    own = rest if alone.scenario != scenario else seconds
+    if has_batteries:
+        without = with_endless_batteries(alone)
+        costs["charging"] = rest - _length_alone(without, rest)
+        alone = without
+        rest -= costs["charging"]
+    if waits:
+        costs["load_out"] = rest - _length_alone(with_nothing_to_wait_for(alone), rest)
+    parts = _parts_without_traffic(layout)
+    parts["traffic"] = own - sum(costs.values()) - sum(parts.values())
+    parts |= costs
+    parts["people_and_animals"] = seconds - own
+    return {name: round(part, 1) + 0.0 for name, part in parts.items()}
+
+
+def _is_built_in(scenario: Scenario) -> bool:
+    """Whether a scenario has no agents, no policy and no route of the user's own."""
+    has_own_agents = bool(scenario.agents or scenario.agents_without_body)
+    return not has_own_agents and scenario.dispatch in POLICIES and scenario.route in ROUTES
+
+
+def _parts_without_traffic(layout: Layout) -> dict[str, float]:
+    """Return what a harvest takes on free roads, with batteries that last and a bay that takes each
+    bin at once, s.
+    """
+    proven = proven_seconds(layout)
+    ideal = with_nothing_to_wait_for(with_endless_batteries(ideal_of(layout)))
+    # On free roads a carrier may stop before its picker is out of its way, and be faster than is
+    # proven.
+    schedule = max(seconds_on_free_roads(ideal), proven or 0.0)
+    if proven is None:
+        return {"schedule": schedule}
+    return {"optimum": proven, "dispatch": schedule - proven}
+
+
+def _length_alone(layout: Layout, seconds: float) -> float:
+    """Return the length of a harvest in the event model, s, at most `seconds`.
+
+    One that does not end there tells nothing.
+    """
+    harvest = harvested(layout)
+    return min(seconds, harvest.seconds) if harvest.is_over else seconds
+
+
+def with_endless_batteries(layout: Layout) -> Layout:
+    """Return the same layout, its charging lines too, for carriers that never need to charge."""
+    scenario = layout.scenario
+    if not scenario.has_batteries:
+        return layout
+    battery = scenario.carrying.battery.model_copy(update={"hours": inf})
+    carrying = scenario.carrying.model_copy(update={"battery": battery})
+    return replace(layout, scenario=scenario.model_copy(update={"carrying": carrying}))
+
+
+def with_nothing_to_wait_for(layout: Layout) -> Layout:
+    """Return the same layout with a bay that takes each bin at once: without trailers and truck,
+    and with endless empty bins. Carriers that drive to the load-out themselves still do.
+    """
+    scenario = layout.scenario
+    load_out = scenario.load_out
+    if not (load_out.has_trailers or load_out.has_truck):
+        return layout
+    nothing = {
+        "metres": None,
+        "speed": None,
+        "seconds": 0.0,
+        "seconds_away": None,
+        "trailers": Trailers(),
+        "truck": Truck(),
+        "empty_bins": None,
+    }
+    free = load_out.model_copy(update=nothing)
+    return replace(layout, scenario=scenario.model_copy(update={"load_out": free}))

@@ -1,0 +1,36 @@
+"""What a user should know of a truck that comes more rarely than the harvest lasts."""
+
+from functools import lru_cache
+
+from orchard.field.layout import KEPT_LAYOUTS, Layout
+from orchard.report.bounds import ideal_of, seconds_on_free_roads
+from orchard.report.losses import with_endless_batteries, with_nothing_to_wait_for
+from orchard.report.summary import clock
+
+
+@lru_cache(maxsize=KEPT_LAYOUTS)
+def notes_on_truck(layout: Layout) -> tuple[str, ...]:
+    """Return that a harvest would be over before the first truck comes, if it need not wait for it,
+    and what follows: empty bins suffice without a truck, or carriers wait in the bay.
+    """
+    load_out = layout.scenario.load_out
+    every = load_out.truck.every
+    if every is None or load_out.empty_bins is None:
+        return ()
+    ideal = with_nothing_to_wait_for(with_endless_batteries(ideal_of(layout)))
+    seconds = seconds_on_free_roads(ideal)
+    if every < seconds:
+        return ()
+    bins = layout.bins
+    note = (
+        f"load_out.truck.every = {every:g}: the first truck comes at {clock(every)}, and without"
+        f" waits this harvest is over at about {clock(seconds)}"
+    )
+    if load_out.empty_bins >= bins:
+        return (
+            f"{note}; {load_out.empty_bins} empty bins suffice for its {bins}, so none is needed",
+        )
+    return (
+        f"{note}; {load_out.empty_bins} empty bins do not suffice for its {bins}, so carriers wait"
+        f" in the bay: expected every below {seconds:.0f}, or {bins} empty_bins",
+    )

@@ -11,10 +11,11 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from docs.scenario_schema import schema_text
+from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import People, Scenario, check, load, parse, to_yaml, with_changes
-from orchard.field.shipped import load_or_shipped
+from orchard.field.shipped import load_or_shipped, shipped
 from orchard.report.bounds import Bounds
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -72,6 +73,41 @@ def test_carts_bring_the_fruit_of_the_same_people() -> None:
     assert picked[1] == pytest.approx(picked[0], rel=0.01)
     # Five miles an hour.
     assert carts.carrying.speed == pytest.approx(5 * 1609.344 / 3600, rel=0.02)
+
+
+def test_robots_for_apples_fill_the_bins_of_their_fruit() -> None:
+    """2,500 apples of 0.19 kg an hour, in bins of 386 kg; 45 % of 59.5 bins an acre."""
+    robots = load(CONFIG / "apple_robots.yaml")
+    assert robots.chosen["picking_rate"] == pytest.approx(2500 * 0.19 / 386, rel=0.01)
+    hectare = 59.5 * 0.386 / 0.404686
+    assert robots.crop.tonnes_per_hectare == pytest.approx(0.45 * hectare, rel=0.01)
+
+
+def test_a_forklift_brings_the_tonnes_that_were_published() -> None:
+    """Its limit of the long run is 5.13 t an hour; that of the straddle trailer 11.72."""
+    forklift = load(CONFIG / "forklift.yaml")
+    for bins, away, tonnes in ((4, 906.0, 5.13), (8, 771.0, 11.72)):
+        trailers = {"trailers": {"bins": bins, "count": 1}, "seconds_away": away}
+        scenario = Scenario.model_validate(forklift.model_dump() | {"load_out": trailers})
+        bins_per_second = Bounds(lay_out(scenario)).terms["trailers"]
+        assert bins_per_second * 3600 * 0.33 == pytest.approx(tonnes, rel=0.01)
+
+
+def test_trailers_of_the_gangs_keep_up_with_them() -> None:
+    """Six bins in ten minutes are filled, and each trailer is away while the other is filled."""
+    gangs = load(CONFIG / "tractor_trailers.yaml")
+    assert gangs.pickers * gangs.chosen["picking_rate"] == pytest.approx(36.0)
+    terms = Bounds(lay_out(gangs)).terms
+    assert terms["trailers"] > 1.9 * terms["pickers"]
+
+
+@pytest.mark.parametrize("name", ["apple_robots", "forklift", "tractor_trailers"])
+def test_a_shipped_scenario_is_harvested(name: str) -> None:
+    """The event model does all of it; the page offers each as it does the others."""
+    assert name in shipped()
+    layout = lay_out(load(CONFIG / f"{name}.yaml"))
+    harvest = DiscreteHarvest(layout).run()
+    assert harvest.is_over and harvest.delivered == layout.bins
 
 
 def test_the_committed_schema_is_the_models() -> None:

@@ -144,6 +144,9 @@ HORIZONS = (
 )
 WITHIN_TIME = "The cheapest fleet that is done in time: 8h of work, 90min."
 BY_DAY = "The same by the end of a day of the shift: 2d."
+SENSITIVITY = (
+    "What the result hangs on: each value is moved by a share, or as --vary KEY=LOW..HIGH says."
+)
 KEPT = "File that keeps all runs. Default: studies.db beside the recordings."
 SCHEDULER = "A scheduler of dask.distributed: tcp://192.168.1.10:8786."
 WITHIN = "A difference below this share is worth nothing."
@@ -161,6 +164,7 @@ class StudyArguments:
         QUESTION, WITHIN_TIME, "TIME", parser=_checked(_within_time)
     )
     finish_by: int | None = option(QUESTION, BY_DAY, "DAYS", parser=_checked(_by_day))
+    sensitivity: bool = flag(QUESTION, "--sensitivity", SENSITIVITY)
     confidence: float = option(
         QUESTION, "Confidence of the answer.", "SHARE", default="0.95", parser=_checked(_confidence)
     )

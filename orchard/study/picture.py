@@ -161,7 +161,7 @@ def figure(result: StudyResult) -> Figure:
     if has_cost:
         _draw_costs(costs, content)
     for axes in all_axes:
-        _style(axes)
+        style_axes(axes)
     _draw_axis(all_axes[-1], content)
     return drawing
 
@@ -322,7 +322,7 @@ def _half_widths(intervals: Sequence[Interval]) -> list[list[float]]:
     return [below, above]
 
 
-def _style(axes: Axes) -> None:
+def style_axes(axes: Axes) -> None:
     """Give axes the colours of all pictures."""
     axes.patch.set_alpha(0.0)
     axes.spines[["top", "right"]].set_visible(False)
@@ -370,10 +370,10 @@ def save_futures(
     beneath.set_ylabel("end well, %")
     beneath.set_xlabel("the moment from which they begin, min", color=INK)
     for axes in (top, beneath):
-        _style(axes)
+        style_axes(axes)
         if decided is not None:
             axes.axvline(decided, color=INK, lw=1, ls="--")
-    _save(drawing, path)
+    write_drawing(drawing, path)
 
 
 # -- files
@@ -384,10 +384,10 @@ def save(result: StudyResult, path: Path) -> None:
 
     Raises ValueError for another format, or OSError.
     """
-    _save(figure(result), path)
+    write_drawing(figure(result), path)
 
 
-def _save(drawing: Figure, path: Path) -> None:
+def write_drawing(drawing: Figure, path: Path) -> None:
     """Write a drawing, on white. Raises as `save` does."""
     kind = path.suffix.removeprefix(".").lower()
     if kind not in drawing.canvas.get_supported_filetypes():

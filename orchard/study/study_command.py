@@ -3,7 +3,7 @@ answer.
 """
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, fields
 from functools import partial
@@ -15,8 +15,8 @@ from rich.progress import TextColumn
 from orchard.dispatch.policies import notes_on
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario
-from orchard.field.shipped import load_or_shipped
 from orchard.report.summary import write_summary
+from orchard.study.asking import problems_of_files, read_scenario
 from orchard.study.checking import checked_settings
 from orchard.study.command_options import StudyArguments
 from orchard.study.farm_command import run_farm
@@ -25,13 +25,13 @@ from orchard.study.finishing import OF_FLEETS, finish_problems, finish_study
 from orchard.study.options import StudyOptions
 from orchard.study.result import StudyResult
 from orchard.study.runs import RunFailed
+from orchard.study.sensitivity.command import run_sensitivity
 from orchard.study.settings import CARRIERS, Varied, varied_of
-from orchard.study.store import StoreError, StoreFailed, fault_of
+from orchard.study.store import StoreError, StoreFailed
 from orchard.study.study import study
 from orchard.study.table import as_table, payments_table, save_csv
 from orchard.study.workers import WorkersError
 from orchard.terminal.exits import FAILED, FINISHED, exit_on_errors
-from orchard.terminal.files import KindOfFile, check_writable, one_file
 from orchard.terminal.output import (
     bar,
     console,
@@ -60,6 +60,9 @@ def run_study(chosen: StudyArguments) -> int:
     Returns the exit code: 1 if an invariant, a run or a file fails.
     """
     with own_classes_run(), exit_on_errors(ScenarioError, StoreError, OSError), failures():
+        if chosen.sensitivity:
+            with stoppable() as is_stopped:
+                return run_sensitivity(chosen, _options(chosen), is_stopped)
         if is_farm(chosen.scenario):
             with stoppable() as is_stopped:
                 return run_farm(chosen, _options(chosen), is_stopped)
@@ -99,33 +102,21 @@ def _question(chosen: StudyArguments) -> tuple[Scenario, Varied]:
     deadline = chosen.deadline
     open_keys = (CARRIERS,) if deadline is None else OF_FLEETS
     varied, problems = varied_of(chosen.vary or [CARRIERS], open_keys)
-    scenario, faults = _read(chosen.scenario)
+    scenario, faults = read_scenario(chosen.scenario)
     options = _options(chosen)
     if deadline is None:
         of_settings = checked_settings(scenario, varied, options)[1]
     else:
         of_settings = finish_problems(scenario, varied, deadline, options)
-    store = options.store_file
-    paths = [path for path, _ in chosen.files]
-    files = [*_unwritable(chosen.files, chosen.scenario), *one_file([*paths, store])]
-    if store.exists() and (fault := fault_of(store, options.anew)):
-        files.append(Problem(str(store), fault))
     problems = [
         *chosen.problems(),
         *problems,
-        *files,
+        *problems_of_files(chosen, options),
         *(one for one in of_settings if not _may_follow(one, faults)),
     ]
     if problems or faults:
         raise ScenarioError([*problems, *faults])
     return scenario, varied
-
-
-def _read(path: Path | None) -> tuple[Scenario, list[Problem]]:
-    try:
-        return load_or_shipped(path), []
-    except ScenarioError as error:
-        return error.rest or Scenario(), error.problems
 
 
 def _may_follow(problem: Problem, faults: Sequence[Problem]) -> bool:
@@ -146,16 +137,6 @@ def _may_follow(problem: Problem, faults: Sequence[Problem]) -> bool:
 def _is_part(path: str, whole: str) -> bool:
     """Whether a dotted path is another one, or below it. An empty path is the whole file."""
     return not whole or f"{path}.".startswith(f"{whole}.")
-
-
-def _unwritable(files: Iterable[tuple[Path, KindOfFile]], read: Path | None) -> Iterator[Problem]:
-    """Yield what is wrong with files that are to be written. `read`: one that is read."""
-    for path, kind in files:
-        try:
-            check_writable(path, read, kind)
-        except OSError as error:
-            name, _, why = str(error).partition(": ")
-            yield Problem(name, why)
 
 
 def _options(chosen: StudyArguments) -> StudyOptions:

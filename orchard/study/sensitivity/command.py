@@ -1,0 +1,126 @@
+"""`orchard study --sensitivity`: what is asked, what is shown, and what is written."""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from importlib import import_module
+
+from rich.progress import TextColumn
+
+from orchard.field.problems import Problem, ScenarioError
+from orchard.field.scenario import Scenario
+from orchard.report.summary import write_summary
+from orchard.study.asking import problems_of_files, read_scenario
+from orchard.study.command_options import StudyArguments
+from orchard.study.farm_file import is_farm
+from orchard.study.options import StudyOptions
+from orchard.study.sensitivity.factors import Factor, factors_of
+from orchard.study.sensitivity.result import SensitivityResult
+from orchard.study.sensitivity.study import sensitivity, sensitivity_problems
+from orchard.study.sensitivity.words import as_table
+from orchard.terminal.exits import FAILED, FINISHED
+from orchard.terminal.output import bar, console, print_error, print_line
+
+STOPPED = "stopped; the runs so far are kept, and the same command goes on from there"
+_NOT_OF_A_SENSITIVITY = {
+    "csv": "has the settings of a study; --summary writes all figures of a sensitivity",
+    "report": "has the settings of a study; --picture draws a sensitivity",
+    "finish_within": "looks for a fleet, and a sensitivity moves what is given; leave one out",
+    "finish_by": "looks for a fleet, and a sensitivity moves what is given; leave one out",
+}
+
+
+def run_sensitivity(
+    chosen: StudyArguments, options: StudyOptions, is_stopped: Callable[[], bool]
+) -> int:
+    """Tell what a result hangs on. Return the exit code: 1 if there are too few runs to tell."""
+    scenario, factors = _question(chosen, options)
+    with _progress(chosen) as tell:
+        result = sensitivity(scenario, factors, options, tell, is_stopped)
+    _print(result, chosen.progress == "json")
+    are_written = all([_summary(chosen, result), _picture(chosen, result)])
+    return FINISHED if result.effects and are_written else FAILED
+
+
+def _question(chosen: StudyArguments, options: StudyOptions) -> tuple[Scenario, Sequence[Factor]]:
+    """Return what is asked. Raises ScenarioError with all that is wrong."""
+    problems = chosen.problems()
+    for name, why in _NOT_OF_A_SENSITIVITY.items():
+        if getattr(chosen, name) is not None:
+            problems.append(Problem(f"--{name.replace('_', '-')}", why))
+    if is_farm(chosen.scenario):
+        text = "is of one orchard; ask it of each block"
+        raise ScenarioError([*problems, Problem("--sensitivity", text)])
+    scenario, faults = read_scenario(chosen.scenario)
+    factors, of_factors = factors_of(scenario, chosen.vary or [])
+    problems += [*of_factors, *problems_of_files(chosen, options)]
+    if not of_factors and not faults:
+        problems += sensitivity_problems(scenario, factors, options)
+    if problems or faults:
+        raise ScenarioError([*problems, *faults])
+    return scenario, factors
+
+
+@contextmanager
+def _progress(chosen: StudyArguments) -> Iterator[Callable[[float], None]]:
+    """Show which share of the runs is done."""
+    if chosen.progress == "json":
+        yield _tell_json
+        return
+    with bar(TextColumn("{task.description}", markup=False)) as shown:
+        task = shown.add_task("starts its workers", total=1.0)
+
+        def tell(share: float) -> None:
+            words = f"{100.0 * share:.0f} % of the runs"
+            shown.update(task, completed=share, description=words)
+
+        yield tell
+
+
+def _tell_json(share: float) -> None:
+    """Print which share of the runs is done as a line of JSON."""
+    console.print(json.dumps({"runs_done": share}), markup=False, soft_wrap=True)
+
+
+def _print(result: SensitivityResult, as_json: bool) -> None:
+    """Print the answer, the table and the notes."""
+    if as_json:
+        line = json.dumps({"sensitivity": asdict(result)})
+        console.print(line, markup=False, soft_wrap=True)
+    else:
+        console.print(result.answer, markup=False, soft_wrap=not console.is_terminal)
+        if result.effects:
+            console.print(as_table(result))
+        for note in result.notes:
+            print_line(f"- {note}")
+    if result.stopped_by == "stopped":
+        print_error(STOPPED)
+    if not result.effects:
+        print_error("the budget is too short: --budget")
+
+
+def _summary(chosen: StudyArguments, result: SensitivityResult) -> bool:
+    """Write the summary, if one is asked for. Return whether that is done."""
+    if chosen.summary is None:
+        return True
+    try:
+        write_summary(chosen.summary, asdict(result))
+    except OSError as error:
+        print_error(f"{chosen.summary}: not written: {error.strerror or error}")
+        return False
+    return True
+
+
+def _picture(chosen: StudyArguments, result: SensitivityResult) -> bool:
+    """Draw the picture, if one is asked for. Return whether that is done."""
+    if chosen.picture is None or not result.effects:
+        return True
+    # matplotlib takes half a second to load.
+    drawing = import_module("orchard.study.sensitivity.picture")
+    try:
+        drawing.save(result, chosen.picture)
+    except OSError as error:
+        print_error(f"{chosen.picture}: not written: {error.strerror or error}")
+        return False
+    return True

@@ -1,0 +1,266 @@
+"""The values that a sensitivity study moves, and from where to where each is moved.
+
+A value is moved by a share of what the scenario says, or through a range that the user names. The
+shares below are how well such a value is known before a harvest. They are judgements, so the answer
+names each range, and `--vary` says another one.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import floor, inf
+from types import MappingProxyType
+from typing import Any
+
+from pydantic import BaseModel
+
+from orchard.field.decisions import decision_at
+from orchard.field.problems import Problem, ScenarioError
+from orchard.field.scenario import Scenario, other_ways, with_changes
+from orchard.field.scenario.schema import value_at
+from orchard.study.settings import SEED
+from orchard.study.spread import is_number
+
+# What is moved if the user names nothing: key -> the share by which it is moved up and down. People
+# pick 1.2 to 1.8 bins an hour: 20 % about 1.5. A crop is estimated to some 15 %. Machines keep
+# their speeds within 10 %. How long people handle bins, and how unlike rows are, is known least. Of
+# a number of things one more and one less are the least.
+SHARES: Mapping[str, float] = MappingProxyType(
+    {
+        "picking_rate": 0.20,
+        "picking_speed": 0.20,
+        "metres_per_bin": 0.15,
+        "bins_per_row": 0.15,
+        "crop.tonnes_per_hectare": 0.15,
+        "picking.spread.cv": 0.30,
+        "picking.spread_of_pickers.cv": 0.30,
+        "picking.driving_speed": 0.10,
+        "carriers": 0.10,
+        "carrying.speed": 0.10,
+        "carrying.battery.hours": 0.20,
+        "picking.failure.mean_between": 0.30,
+        "carrying.failure.mean_between": 0.30,
+        "handling.coupling": 0.30,
+        "handling.uncoupling": 0.30,
+        "handling.exchange": 0.30,
+        "handling.unloading": 0.30,
+        "load_out.speed": 0.10,
+        "load_out.seconds": 0.30,
+        "load_out.seconds_away": 0.20,
+        "load_out.truck.every": 0.20,
+    }
+)
+# Of a value that the user names, and that has no share above.
+USUAL_SHARE = 0.10
+DIGITS = 5  # of a value that is moved
+FORM = "must be KEY, KEY=LOW..HIGH or KEY=SHARE%, such as picking_rate=1.2..1.8 or carriers=20%"
+_NUMBER = r"\s*(-?(?:\d+\.?\d*|\.\d+))\s*"
+_RANGE = re.compile(rf"{_NUMBER}\.\.{_NUMBER}")
+_SHARE = re.compile(rf"{_NUMBER}%\s*")
+# Key of a spread -> the key that says whether there is any.
+_OF_SPREADS = {
+    "picking.spread.cv": "picking.spread.distribution",
+    "picking.spread_of_pickers.cv": "picking.spread_of_pickers.distribution",
+}
+
+
+class FactorError(ValueError):
+    """A value cannot be moved as `--vary` says: the text says why."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Factor:
+    """A value that is moved. `low` and `high` are the ends of its range."""
+
+    key: str
+    low: float
+    high: float
+    #: Whether it is a number of things, of which each has the same chance.
+    is_whole: bool = False
+
+    def value(self, share: float) -> float:
+        """Return the value at a share of the way from the low end to the high one, 0 to 1."""
+        if self.is_whole:
+            count = int(self.high - self.low) + 1
+            return int(self.low) + min(count - 1, floor(share * count))
+        return float(f"{self.low + share * (self.high - self.low):.{DIGITS}g}")
+
+    def place(self, value: float) -> float:
+        """Return where a value lies: -1 at the low end, 1 at the high one."""
+        half = 0.5 * (self.high - self.low)
+        return (value - self.low) / half - 1.0
+
+
+def factors_of(scenario: Scenario, words: Sequence[str]) -> tuple[list[Factor], list[Problem]]:
+    """Return the values to move, and all that is wrong with what `--vary` says of them.
+
+    `words`: what `--vary` says; nothing: the values of SHARES that the scenario has.
+    """
+    if not words:
+        return list(_usual_factors(scenario)), []
+    factors: list[Factor] = []
+    problems = []
+    for word in words:
+        key = word.partition("=")[0].strip()
+        try:
+            factor = _factor_of(scenario, key, word)
+            _demand_one_way(factor, factors)
+        except FactorError as fault:
+            problems.append(Problem(f"--vary {word}", str(fault), key))
+        except ScenarioError as error:
+            for problem in error.problems:
+                problems.append(Problem(f"--vary {word}", problem.text, key))
+        else:
+            factors.append(factor)
+    return factors, problems
+
+
+def _usual_factors(scenario: Scenario) -> Iterator[Factor]:
+    """Yield the values that are moved if the user names none."""
+    taken: list[str] = []
+    for key, share in SHARES.items():
+        value = _known_value(scenario, key)
+        is_other_way = any(other in taken for other in other_ways(key))
+        if value is None or is_other_way or not _has_effect(scenario, key):
+            continue
+        least, most = _limits(key)
+        # What stands at its limit is a default that nobody has measured.
+        if not value or value in (least, most):
+            continue
+        taken.append(key)
+        yield _moved(key, value, share)
+
+
+def _has_effect(scenario: Scenario, key: str) -> bool:
+    """Whether the scenario depends on a value that is moved if the user names none."""
+    if key in _OF_SPREADS:
+        return bool(value_at(scenario, _OF_SPREADS[key]) != "none")
+    # Each row fills a bin if nothing says what does. A rate that is not set follows from the speed.
+    follows = key in ("metres_per_bin", "bins_per_row", "picking_rate")
+    return not follows or value_at(scenario, key) is not None
+
+
+def _factor_of(scenario: Scenario, key: str, word: str) -> Factor:
+    """Return what a `--vary` moves. Raises FactorError, or ScenarioError of a key that is none."""
+    _, equals, text = word.partition("=")
+    if not key:
+        raise FactorError(FORM)
+    if key == SEED:
+        raise FactorError("the luck of the seed is told in any case; leave it out")
+    if decision_at(Scenario, key) is None and not _is_section(key):
+        # It says what is meant.
+        with_changes(scenario, **{key: 1})
+    value = _known_value(scenario, key)
+    if not _takes_numbers(key):
+        raise FactorError("only a number can be moved; compare others without --sensitivity")
+    bounds = _RANGE.fullmatch(text)
+    if bounds is not None:
+        return _ranged(key, float(bounds[1]), float(bounds[2]))
+    if value is None:
+        raise FactorError("it is not set, so no share of it can be moved; say KEY=LOW..HIGH")
+    share = SHARES.get(key, USUAL_SHARE)
+    if equals:
+        share = _share_of(text)
+    if not value:
+        raise FactorError("it is 0, and a share of 0 is 0; say KEY=LOW..HIGH")
+    factor = _moved(key, value, share)
+    if factor.low >= factor.high:
+        raise FactorError(f"{value:g} has no room to be moved; say KEY=LOW..HIGH")
+    return factor
+
+
+def _share_of(text: str) -> float:
+    """Return the share that a text names. Raises FactorError."""
+    share = _SHARE.fullmatch(text)
+    if share is None:
+        raise FactorError(FORM)
+    if not 0.0 < float(share[1]) < 100.0:
+        raise FactorError("a share must be above 0 % and below 100 %")
+    return float(share[1]) / 100.0
+
+
+def _ranged(key: str, low: float, high: float) -> Factor:
+    """Return a value that is moved through a range. Raises FactorError."""
+    is_whole = _is_whole(key)
+    if is_whole and not (low.is_integer() and high.is_integer()):
+        raise FactorError("it is a number of things; the ends must be whole numbers")
+    if low >= high:
+        raise FactorError("this range is empty; the last number must be above the first")
+    least, most = _limits(key)
+    if low < least or high > most:
+        raise FactorError(f"must lie between {least:g} and {most:g}")
+    return Factor(key=key, low=low, high=high, is_whole=is_whole)
+
+
+def _moved(key: str, value: float, share: float) -> Factor:
+    """Return a value that is moved by a share, as far as its limits allow."""
+    is_whole = _is_whole(key)
+    step = share * value
+    if is_whole:
+        step = max(1.0, round(step))
+    least, most = _limits(key)
+    low = max(least, value - step)
+    high = min(most, value + step)
+    return Factor(key=key, low=_rounded(low), high=_rounded(high), is_whole=is_whole)
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
+
+
+def _demand_one_way(factor: Factor, factors: Sequence[Factor]) -> None:
+    """Raise FactorError if another factor is the same value, said in the same or another way."""
+    for known in factors:
+        if known.key == factor.key:
+            raise FactorError("this key is moved already")
+        if known.key in other_ways(factor.key):
+            raise FactorError(f"{known.key} says the same in another way; move one of them")
+
+
+# -- what a scenario knows of a key
+
+
+def _known_value(scenario: Scenario, key: str) -> float | None:
+    """Return the number that holds for a key; None if there is none."""
+    try:
+        value = value_at(scenario, key)
+    except AttributeError:
+        return None
+    if value is None:
+        value = scenario.chosen.get(key)
+    return float(value) if is_number(value) else None
+
+
+def _field(key: str) -> Any:
+    """Return the field of a dotted path; None if there is none."""
+    model: Any = Scenario
+    field = None
+    for name in key.split("."):
+        if not (isinstance(model, type) and issubclass(model, BaseModel)):
+            return None
+        field = model.model_fields.get(name)
+        if field is None:
+            return None
+        model = field.annotation
+    return field
+
+
+def _is_section(key: str) -> bool:
+    return _field(key) is not None
+
+
+def _takes_numbers(key: str) -> bool:
+    """Whether the values of a key are numbers."""
+    return _field(key).annotation in (int, float, int | None, float | None)
+
+
+def _is_whole(key: str) -> bool:
+    return _field(key).annotation in (int, int | None)
+
+
+def _limits(key: str) -> tuple[float, float]:
+    """Return the least and the greatest value that the schema allows."""
+    limits = {type(limit).__name__: limit for limit in _field(key).metadata}
+    least = limits["Ge"].ge if "Ge" in limits else -inf
+    most = limits["Le"].le if "Le" in limits else inf
+    return float(least), float(most)

@@ -1,0 +1,276 @@
+"""The sensitivity of a result: runs at quasi-random points of what is moved, and their shares."""
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orchard.discrete.harvest import get_ready
+from orchard.field.problems import Problem, ScenarioError
+from orchard.field.scenario import Scenario
+from orchard.report.limits import with_seed
+from orchard.study.checking import checked_settings
+from orchard.study.options import StudyOptions
+from orchard.study.replications import Replications
+from orchard.study.result import Goal, Interval, StoppedBy
+from orchard.study.runs import RunRecord, software
+from orchard.study.sensitivity.factors import Factor
+from orchard.study.sensitivity.result import Effect, SensitivityResult
+from orchard.study.sensitivity.surrogate import (
+    RUNS_OF_A_POINT,
+    Array,
+    Shares,
+    design,
+    points_for,
+    shares_of,
+)
+from orchard.study.sensitivity.words import answer
+from orchard.study.settings import Setting, settings_of
+from orchard.study.store import Store
+from orchard.study.words import key_words, orchard_words, setting_words
+from orchard.study.workers import Workers, processes, scheduled
+
+# S between two partial results.
+REPORT_SECONDS = 0.2
+# Of what the values move: a fit that tells less is said to be poor.
+GOOD_FIT = 0.9
+# More would need more than a thousand harvests.
+MOST_FACTORS = 16
+# Points that jam, of which the setting is named.
+MOST_JAMS_NAMED = 3
+# Of the runs, outside the spread that is told, on each side, %.
+TAIL = 2.5
+
+
+def sensitivity(
+    scenario: Scenario,
+    factors: Sequence[Factor],
+    options: StudyOptions = StudyOptions(),
+    tell: Callable[[float], None] = lambda share: None,
+    is_stopped: Callable[[], bool] = lambda: False,
+) -> SensitivityResult:
+    """Move values of a scenario through their ranges, and return what its result hangs on.
+
+    `tell` hears which share of the runs is done. When `is_stopped` says True, the answer is that of
+    the points which are done. The same question has the same answer, whatever the workers do.
+
+    Raises as `orchard.study.study.study` does.
+    """
+    problems = sensitivity_problems(scenario, factors, options)
+    if problems:
+        raise ScenarioError(problems)
+    shares = design(len(factors), points_for(len(factors)), scenario.seed)
+    settings = _settings(scenario, factors, shares)
+    get_ready([scenario])
+    started: AbstractContextManager[Workers] = processes(options.workers)
+    if options.scheduler:
+        started = scheduled(options.scheduler)
+    with Store(options.store_file, options.anew) as store, started as workers:
+        asked = _Sensitivity(
+            scenario=scenario,
+            factors=factors,
+            shares=shares,
+            settings=settings,
+            options=options,
+            tell=tell,
+        )
+        return asked.run(store, workers, is_stopped)
+
+
+def sensitivity_problems(
+    scenario: Scenario, factors: Sequence[Factor], options: StudyOptions
+) -> list[Problem]:
+    """Return what is wrong with a question."""
+    problems = []
+    if not factors:
+        text = "this scenario has none of the values that are moved by default; name some"
+        problems.append(Problem("--vary", text))
+    if len(factors) > MOST_FACTORS:
+        text = f"{len(factors)} values; at most {MOST_FACTORS} can be moved at once"
+        problems.append(Problem("--vary", text))
+    if options.model == "full":
+        text = "a sensitivity needs hundreds of harvests by the fast model; leave out --model"
+        return [*problems, Problem("--model full", text)]
+    return problems + checked_settings(scenario, {}, options)[1]
+
+
+def _settings(scenario: Scenario, factors: Sequence[Factor], shares: Array) -> list[Setting]:
+    """Return the setting of each point, with seeds of its own.
+
+    Raises ScenarioError with what is wrong with the ranges together, each fault once.
+    """
+    settings = []
+    faults: dict[str, Problem] = {}
+    for number, of_point in enumerate(shares):
+        seeded = with_seed(scenario, scenario.seed + RUNS_OF_A_POINT * number)
+        values = {}
+        for factor, share in zip(factors, of_point, strict=True):
+            values[factor.key] = factor.value(float(share))
+        possible, problems = settings_of(seeded, {key: [value] for key, value in values.items()})
+        settings += [Setting(values, setting.scenario) for setting in possible]
+        for problem in problems:
+            faults.setdefault(problem.text, problem)
+    if faults:
+        raise ScenarioError(list(faults.values()))
+    return settings
+
+
+@dataclass(kw_only=True)
+class _Sensitivity:
+    """The runs at all points, and what they tell."""
+
+    scenario: Scenario
+    factors: Sequence[Factor]
+    #: The points in the unit cube, (n, factors).
+    shares: Array
+    settings: list[Setting]
+    options: StudyOptions
+    tell: Callable[[float], None]
+
+    def __post_init__(self) -> None:
+        self.begun = time.time()
+        self.told_at = 0.0
+        self.done = 0
+        usual: Goal = "cost_per_bin" if self.scenario.prices.are_set else "bins_per_hour"
+        self.goal = self.options.goal or usual
+
+    def run(
+        self, store: Store, workers: Workers, is_stopped: Callable[[], bool]
+    ) -> SensitivityResult:
+        """Do all runs that the budget allows, and return the answer."""
+        runs = Replications(
+            self.settings,
+            self.goal,
+            self.options.horizon,
+            store,
+            workers,
+            heard=self._report,
+            is_stopped=is_stopped,
+        )
+        until = self.begun + self.options.budget_seconds
+        is_whole = runs.do(range(len(self.settings)), "fast", RUNS_OF_A_POINT, until)
+        stopped_by: StoppedBy = "certain"
+        if not is_whole:
+            stopped_by = "stopped" if is_stopped() else "budget"
+        return self._result(runs, stopped_by)
+
+    def _report(self) -> None:
+        """Tell which share of the runs is done."""
+        self.done += 1
+        if time.time() - self.told_at > REPORT_SECONDS:
+            self.tell(self.done / (RUNS_OF_A_POINT * len(self.settings)))
+            self.told_at = time.time()
+
+    def _value(self, setting: Setting, record: RunRecord) -> float:
+        """Return what a run says of the goal. A harvest counts as it was, with its own rows."""
+        if self.goal == "harvest_seconds":
+            return record.sim_seconds
+        if self.goal == "cost_per_bin":
+            return setting.cost_per_bin(record.bins_per_hour, record.counted_bins) or 0.0
+        if self.options.horizon == "harvest":
+            return record.bins_per_hour * setting.full_share
+        return record.bins_per_hour
+
+    def _result(self, runs: Replications, stopped_by: StoppedBy) -> SensitivityResult:
+        """Return what the points tell of which all runs are done."""
+        rows = []
+        results = []
+        jammed = []
+        for number, setting in enumerate(self.settings):
+            records = runs.known(number, "fast")
+            if len(records) < (RUNS_OF_A_POINT if setting.is_random else 1):
+                continue
+            if any(record.ended == "jammed" for record in records):
+                jammed.append(setting.values)
+                continue
+            rows.append(self.shares[number])
+            results.append([self._value(setting, record) for record in records])
+        shares = None
+        if results:
+            shares = shares_of(
+                self.factors, np.array(rows), results, self.options.confidence, self.scenario.seed
+            )
+        values = np.concatenate(results) if results else np.zeros(1)
+        low, mean, high = np.percentile(values, [TAIL, 50.0, 100.0 - TAIL])
+        result = SensitivityResult(
+            answer="",
+            orchard=orchard_words(self.scenario, [factor.key for factor in self.factors]),
+            goal=self.goal,
+            horizon=self.options.horizon,
+            within=self.options.within,
+            confidence=self.options.confidence,
+            effects=self._effects(shares),
+            mean=float(np.mean(values)),
+            spread=Interval(mean=float(mean), low=float(low), high=float(high)),
+            luck=Interval(mean=0.0, low=0.0, high=0.0) if shares is None else shares.luck,
+            unfitted=0.0 if shares is None else shares.unfitted,
+            fit=0.0 if shares is None else shares.fit,
+            points=len(results),
+            points_asked=len(self.settings),
+            runs=sum(len(of_point) for of_point in results),
+            jammed=jammed,
+            stopped_by=stopped_by,
+            wall_seconds=time.time() - self.begun,
+            scenario=self.scenario.model_dump(),
+            version=software(),
+        )
+        result = replace(result, notes=_notes(result))
+        return replace(result, answer=answer(result))
+
+    def _effects(self, shares: Shares | None) -> list[Effect]:
+        """Return the effect of each value, the greatest first."""
+        if shares is None:
+            return []
+        effects = []
+        for number, factor in enumerate(self.factors):
+            effect = Effect(
+                key=factor.key,
+                low=factor.low,
+                high=factor.high,
+                at_low=float(shares.ends[number, 0]),
+                at_high=float(shares.ends[number, 1]),
+                first_order=shares.first_order[number],
+                total=shares.total[number],
+            )
+            effects.append(effect)
+        return sorted(effects, key=lambda effect: -effect.total.mean)
+
+
+def _notes(result: SensitivityResult) -> list[str]:
+    """Return what a reader must know beside the table."""
+    notes = []
+    if result.effects and result.luck.mean < 1.0:
+        notes.append(_fit_words(result))
+        if result.fit < GOOD_FIT:
+            notes.append("this fit is poor: smaller ranges, or fewer values, are told better")
+    small = []
+    for effect in result.effects:
+        if effect.swing < result.within * abs(result.mean):
+            small.append(key_words(effect.key))
+    if small:
+        words = f"less than {100.0 * result.within:g} % from its low end to its high one"
+        notes.append(f"each of these moves the mean by {words}: {', '.join(small)}")
+    if result.stopped_by == "budget":
+        done = f"{result.points} of {result.points_asked} points"
+        notes.append(f"the budget allowed {done}; without it intervals are narrower: --budget")
+    if result.jammed:
+        words = "; ".join(setting_words(values) for values in result.jammed[:MOST_JAMS_NAMED])
+        count = f"{len(result.jammed)} of {result.points_asked} points"
+        notes.append(f"{count} jammed, and are left out: {words}")
+    if result.horizon == "long":
+        notes.append(
+            "in the long run rows take their mean times, so luck is small; --horizon harvest has"
+            " that of one harvest"
+        )
+    return notes
+
+
+def _fit_words(result: SensitivityResult) -> str:
+    """Return how well the fit tells what the values move."""
+    runs = f"{result.points} points, {result.runs} runs"
+    if not result.unfitted:
+        return f"the fit misses no more than seeds do ({runs})"
+    words = f"the fit tells {100.0 * result.fit:.0f} % of what the values move"
+    return f"{words} (R2, at points that it has not seen; {runs})"

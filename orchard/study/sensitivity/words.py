@@ -1,0 +1,120 @@
+"""How a sensitivity is said: the answer in a few sentences, and the table."""
+
+from rich.box import SIMPLE_HEAD
+from rich.markup import escape
+from rich.table import Table
+
+from orchard.study.result import Interval
+from orchard.study.sensitivity.result import Effect, SensitivityResult
+from orchard.study.words import UNITS, key_words, number_words
+
+# Of all variance: values with a smaller share are not named.
+WORTH_NAMING = 0.05
+MOST_NAMED = 3
+# Shares of what is unsure, from which on it is said so.
+SHARE_WORDS = (
+    (0.9, "nearly all"),
+    (0.7, "most"),
+    (0.55, "more than half"),
+    (0.45, "half"),
+    (0.3, "a third"),
+)
+HEADS = ("moved", "from", "to", "at low", "at high", "by itself, %", "in all, %")
+
+
+def answer(result: SensitivityResult) -> str:
+    """Return the answer: how unsure the result is, and what that comes from."""
+    if not result.points:
+        return "No point has been run yet."
+    digits = result.spread.high - result.spread.low
+    figures = [number_words(value, digits / 10.0) for value in _figures(result)]
+    mean, low, high = figures
+    unit = UNITS[result.goal]
+    if result.horizon == "long":
+        unit += " in the long run"
+    words = f"{mean} {unit}, {low} to {high} in 19 of 20 runs"
+    if not result.effects:
+        return f"{words}; {result.points} points are too few to say what that hangs on."
+    if low == high:
+        return f"{mean} {unit} whatever is moved. The orchard: {result.orchard}."
+    return f"{words}. {_sources(result)} The orchard: {result.orchard}."
+
+
+def _figures(result: SensitivityResult) -> tuple[float, float, float]:
+    return result.mean, result.spread.low, result.spread.high
+
+
+def _sources(result: SensitivityResult) -> str:
+    """Return from what it comes that the result is unsure."""
+    named = [effect for effect in result.effects if effect.total.mean >= WORTH_NAMING]
+    named = named[:MOST_NAMED]
+    if not named or result.luck.mean > named[0].total.mean:
+        sentence = f"{_share_words(result.luck.mean)} of what is unsure is the luck of the seed"
+        parts = [f"{_percent(effect.total)} % comes from {_moved(effect)}" for effect in named]
+        return f"{'; '.join([sentence, *parts])}."
+    first = named[0]
+    parts = [
+        f"{_share_words(first.total.mean)} of what is unsure comes from {_moved(first)}:"
+        f" {_percent(first.total)} %"
+    ]
+    parts += [f"{_percent(effect.total)} % from {_moved(effect)}" for effect in named[1:]]
+    parts.append(f"the luck of the seed is {_percent(result.luck)} %")
+    return f"{'; '.join(parts)}."
+
+
+def _share_words(share: float) -> str:
+    """Return a share in words, as a sentence begins: 'Half'."""
+    for least, words in SHARE_WORDS:
+        if share >= least:
+            return words.capitalize()
+    return "The largest part"
+
+
+def _moved(effect: Effect) -> str:
+    """Return a value with its range: 'the picking rate (1.2 to 1.8)'."""
+    return f"{key_words(effect.key)} ({effect.low:g} to {effect.high:g})"
+
+
+def _percent(share: Interval) -> str:
+    """Return a share with its interval: '72 ± 5'."""
+    half = 100.0 * max(share.high - share.mean, share.mean - share.low)
+    return f"{100.0 * share.mean:.0f} ± {half:.0f}"
+
+
+def rows_of(result: SensitivityResult) -> list[list[str]]:
+    """Return the cells of the table, by HEADS: the values that are moved, then the luck."""
+    digits = (result.spread.high - result.spread.low) / 10.0
+    rows = []
+    for effect in result.effects:
+        rows.append(
+            [
+                effect.key,
+                f"{effect.low:g}",
+                f"{effect.high:g}",
+                number_words(effect.at_low, digits),
+                number_words(effect.at_high, digits),
+                _percent(effect.first_order),
+                _percent(effect.total),
+            ]
+        )
+    luck = _percent(result.luck)
+    rows.append(["luck of the seed", "", "", "", "", luck, luck])
+    return rows
+
+
+def as_table(result: SensitivityResult) -> Table:
+    """Return the table for a terminal."""
+    caption = (
+        "at low, at high: the mean result at the ends. by itself: the share of all"
+        " variance that would be gone if this value were known; in all: that would be left if all"
+        f" but this one were. ± interval of {100.0 * result.confidence:g} % confidence, by"
+        " bootstrap."
+    )
+    table = Table(
+        box=SIMPLE_HEAD, padding=0, show_edge=False, caption=caption, caption_justify="left"
+    )
+    for head in HEADS:
+        table.add_column(escape(head), overflow="fold")
+    for row in rows_of(result):
+        table.add_row(*map(escape, row))
+    return table

@@ -1,0 +1,209 @@
+"""What a result hangs on: which values are moved, what they share of the variance, and in words."""
+
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from few_runs import FewRuns
+from stage import empty_orchard
+
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import Scenario, parse, with_changes
+from orchard.study.options import StudyOptions
+from orchard.study.sensitivity import study as module
+from orchard.study.sensitivity.factors import Factor, factors_of
+from orchard.study.sensitivity.picture import save
+from orchard.study.sensitivity.result import SensitivityResult
+from orchard.study.sensitivity.study import sensitivity, sensitivity_problems
+from orchard.study.sensitivity.surrogate import design, points_for, shares_of
+
+RENT = """\
+rows: 26
+pickers: 8
+picking_rate: 1.5
+bins_per_row: 6
+picking: {spread: {distribution: lognormal, cv: 0.28}}
+handling: {unloading: 40}
+"""
+A, B = Factor(key="carrying.speed", low=0.8, high=1.2), Factor(key="bay", low=0.0, high=8.0)
+
+
+def ranges(*words: str, scenario: Scenario | None = None) -> dict[str, tuple[float, float]]:
+    factors, problems = factors_of(scenario or parse(RENT), words)
+    assert not problems
+    return {factor.key: (factor.low, factor.high) for factor in factors}
+
+
+def test_values_are_moved_by_shares_of_their_own() -> None:
+    assert ranges() == {
+        "picking_rate": (1.2, 1.8),
+        "bins_per_row": (5.1, 6.9),
+        "picking.spread.cv": (0.196, 0.364),
+        "picking.driving_speed": (0.9, 1.1),
+        "carriers": (5, 7),
+        "carrying.speed": (0.9, 1.1),
+        "handling.unloading": (28.0, 52.0),
+    }
+
+
+def test_a_share_or_a_range_of_a_value_can_be_named() -> None:
+    assert ranges("picking_rate=1..2.5", "carriers=50%", "carrying.speed", "weeds=0..4") == {
+        "picking_rate": (1.0, 2.5),
+        "carriers": (3, 9),
+        "carrying.speed": (0.9, 1.1),
+        "weeds": (0, 4),
+    }
+
+
+def test_a_share_ends_at_what_a_value_can_be() -> None:
+    assert ranges("handling.coupling=50%") == {"handling.coupling": (0.2, 0.3)}
+
+
+def test_each_number_of_things_has_the_same_chance() -> None:
+    carriers = Factor(key="carriers", low=5, high=7, is_whole=True)
+    values = [carriers.value(share) for share in np.linspace(0.0, 1.0, 300)]
+    assert [values.count(number) for number in (5, 6, 7)] == [100, 100, 100]
+
+
+@pytest.mark.parametrize(
+    ("word", "text"),
+    [
+        ("", "must be KEY"),
+        ("picking_rat", "did you mean picking_rate?"),
+        ("seed=1..9", "the luck of the seed is told in any case"),
+        ("dispatch=nearest,rolling", "only a number can be moved"),
+        ("tractor=0..1", "only a number can be moved"),
+        ("picking", "only a number can be moved"),
+        ("picking_rate=2..1", "this range is empty"),
+        ("picking_rate=1,2", "must be KEY"),
+        ("picking_rate=100%", "above 0 % and below 100 %"),
+        ("picking_rate=0..1", "must lie between 0.1 and 60"),
+        ("carriers=1.5..3", "must be whole numbers"),
+        ("handling.exchange", "it is 0, and a share of 0 is 0"),
+        ("load_out.seconds_away", "it is not set"),
+    ],
+)
+def test_what_cannot_be_moved_is_told(word: str, text: str) -> None:
+    factors, problems = factors_of(parse(RENT), [word])
+    assert not factors
+    assert f"--vary {word}" in str(problems[0])
+    assert text in str(problems[0])
+
+
+def test_one_value_is_not_moved_twice() -> None:
+    _, problems = factors_of(parse(RENT), ["weeds=1..2", "weeds=1..3"])
+    assert "moved already" in str(problems[0])
+    _, problems = factors_of(Scenario(), ["picking_rate=2..3", "picking_speed=0.1..0.2"])
+    assert "picking_rate says the same in another way" in str(problems[0])
+
+
+def test_ranges_that_cannot_be_together_are_told() -> None:
+    """A row fills one bin, so a picker would go faster than it can."""
+    scenario = with_changes(parse(RENT), bins_per_row=None)
+    factors, problems = factors_of(scenario, ["picking_rate=50..60"])
+    assert not problems
+    with pytest.raises(ScenarioError, match=r"picking_rate.*a picker goes"):
+        sensitivity(scenario, factors)
+
+
+def test_a_sensitivity_is_of_the_fast_model() -> None:
+    problems = sensitivity_problems(parse(RENT), [A], StudyOptions(model="full"))
+    assert "by the fast model" in str(problems[0])
+
+
+def test_shares_are_those_of_a_sum_with_luck() -> None:
+    """a, b and a * b, by -1 to 1, have the variances 1/3, 1/3 and 1/9; the luck has 1/3."""
+    points = design(2, 256, seed=1)
+    random = np.random.default_rng(3)
+    results = []
+    for a, b in 2.0 * points - 1.0:
+        # Two seeds, the variance of which is 1/3.
+        luck = random.uniform(-1.0, 1.0, size=2)
+        results.append(list(100.0 + a + b + a * b + luck))
+    shares = shares_of([A, B], points, results, 0.95, seed=1)
+    assert shares is not None
+    everything = 1 / 3 + 1 / 3 + 1 / 9 + 1 / 3
+    for number in range(2):
+        assert shares.first_order[number].mean == pytest.approx(1 / 3 / everything, abs=0.06)
+        assert shares.total[number].mean == pytest.approx(4 / 9 / everything, abs=0.06)
+    assert shares.luck.mean == pytest.approx(1 / 3 / everything, abs=0.06)
+    assert shares.luck.low < 1 / 3 / everything < shares.luck.high
+    assert shares.ends == pytest.approx(np.array([[99.0, 101.0], [99.0, 101.0]]), abs=0.3)
+    assert shares.fit > 0.9
+
+
+def test_what_no_quadratic_tells_is_not_fitted() -> None:
+    points = design(1, 64, seed=1)
+    results = [[float(np.sin(20.0 * share))] * 2 for share in points[:, 0]]
+    shares = shares_of([A], points, results, 0.95, seed=1)
+    assert shares is not None
+    assert shares.fit < 0.3
+    assert shares.unfitted > 0.7
+
+
+def test_too_few_points_tell_nothing() -> None:
+    points = design(2, 4, seed=1)
+    assert shares_of([A, B], points, [[1.0, 2.0]] * 4, 0.95, seed=1) is None
+    assert points_for(1) == 32
+    assert points_for(8) == 256
+
+
+# -- whole sensitivities, in this process
+
+
+@pytest.fixture
+def found(monkeypatch, tmp_path):
+    def ask(scenario: Scenario, *words: str, runs: int = 10_000) -> SensitivityResult:
+        monkeypatch.setattr(module, "processes", lambda count: nullcontext(FewRuns(runs)))
+        factors, problems = factors_of(scenario, words)
+        assert not problems
+        options = StudyOptions(horizon="harvest", store=tmp_path / "s.db")
+        return sensitivity(scenario, factors, options)
+
+    return ask
+
+
+def small_orchard(**changes: object) -> Scenario:
+    return with_changes(empty_orchard(), picking_speed=0.3, **changes)
+
+
+def test_nearly_all_comes_from_the_picking_speed(found, tmp_path: Path) -> None:
+    """An orchard without chance has no luck; a carrier that is a little slower costs little."""
+    result = found(small_orchard(), "picking_speed=0.2..0.4", "carrying.speed=0.99..1.01")
+    assert [effect.key for effect in result.effects] == ["picking_speed", "carrying.speed"]
+    speed = result.effects[0]
+    assert speed.at_low < result.mean < speed.at_high
+    assert speed.total.mean > 0.9
+    assert result.luck.mean == 0.0
+    assert result.runs == result.points == 32
+    assert "Nearly all of what is unsure comes from picking speed (0.2 to 0.4)" in result.answer
+    assert any("moves the mean by less than 2 %: " not in note for note in result.notes)
+    save(result, tmp_path / "tornado.svg")
+    drawn = (tmp_path / "tornado.svg").read_text()
+    assert "picking speed" in drawn
+    assert "luck of the seed" in drawn
+
+
+def test_runs_that_are_known_are_not_done_again(found) -> None:
+    words = ("picking_speed=0.2..0.4",)
+    first = found(small_orchard(), *words)
+    again = found(small_orchard(), *words, runs=0)
+    assert replace(again, wall_seconds=first.wall_seconds) == first
+
+
+def test_the_luck_of_the_seed_is_told(found) -> None:
+    spread = {"distribution": "lognormal", "cv": 0.5}
+    scenario = small_orchard(**{"picking.spread": spread, "seed": 1000})
+    result = found(scenario, "carrying.speed=0.99..1.01")
+    assert result.runs == 2 * result.points
+    assert result.luck.mean > 0.7
+    assert "of what is unsure is the luck of the seed" in result.answer
+
+
+def test_a_budget_that_is_too_small_is_told(found) -> None:
+    result = found(small_orchard(), "picking_speed=0.2..0.4", runs=2)
+    assert not result.effects
+    assert "2 points are too few" in result.answer
+    assert any("the budget allowed 2 of 32 points" in note for note in result.notes)

@@ -222,7 +222,7 @@ The first one printed this, after 256 harvests of half a second of processor tim
 
 ```text
 8.5 bins an hour, 6.5 to 10.8 in 19 of 20 runs. More than half of what is unsure
-comes from picking rate (1.2 to 1.8): 60 ± 7 %; the luck of the seed is 39 ± 8
+comes from picking rate (1.2 to 1.8): 60 ± 7 %; the luck of the seed is 39 ± 7
 %.
 moved                 from  to    at low at high by itself, % in all, %
 ───────────────────────────────────────────────────────────────────────
@@ -232,7 +232,7 @@ carrying.speed        0.9   1.1   8.6    8.4     0 ± 1        0 ± 1
 carriers              5     7     8.6    8.5     0 ± 1        0 ± 1
 picking.driving_speed 0.9   1.1   8.5    8.6     0 ± 1        0 ± 1
 bins_per_row          5.1   6.9   8.5    8.5     0 ± 1        0 ± 1
-luck of the seed                                 39 ± 8       39 ± 8
+luck of the seed                                 39 ± 7       39 ± 7
 ```
 
 A value is moved by a share of its own: rates by 20 %, a crop by 15 %, speeds and the number of
@@ -247,7 +247,7 @@ failures. In the long run rows take their mean times, so there it is small.
 
 The runs stand at quasi-random points, two of them at each, with seeds of their own. The effects are
 those of a quadratic fit. A note says whether the fit misses more than the luck of the seeds (F
-test, 95 %), and then how much of what the values move it tells, at points that it has not seen. A
+test, 99.9 %), and then how much of what the values move it tells, at points that it has not seen. A
 fit that tells less than 90 % is said to be poor. Intervals are by bootstrap of the fit. `--picture`
 draws a tornado: the mean result at both ends of each value.
 

@@ -30,8 +30,8 @@ TELLS = 2.0
 RUNS_OF_A_POINT = 2
 # A point that alone decides a term is missed by no fit.
 MOST_WEIGHT = 0.99
-# How sure it must be that a fit misses more than luck.
-LACK_OF_FIT = 0.95
+# How sure it must be that a fit misses more than luck. Results are not quite normal.
+LACK_OF_FIT = 0.999
 # Of the square of the mean: a variance below it is rounding.
 NOTHING = 1e-12
 # Names of the streams of random numbers.

@@ -108,3 +108,12 @@ def test_a_crew_that_differs_is_work_that_the_seed_draws() -> None:
     assert with_changes(CREW, picking=SPREAD).work_is_drawn
     assert not with_changes(CREW, picker_rates={"picker_01": 0.5}).work_is_drawn
     assert not Scenario().work_is_drawn
+
+
+def test_an_empty_map_makes_all_pickers_alike_again() -> None:
+    slow = with_changes(CREW, picker_rates={"picker_01": 0.5})
+    assert with_changes(slow, picker_rates={}) == CREW
+    assert with_changes(slow, picker_rates={"picker_02": 0.5}).picker_rates == {
+        "picker_01": 0.5,
+        "picker_02": 0.5,
+    }

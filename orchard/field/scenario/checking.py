@@ -17,6 +17,9 @@ from orchard.field.problems import (
 )
 from orchard.field.scenario.schema import SURVEYED, Scenario
 
+# Maps of which the keys are names that a user gives, and not fields of a section.
+NAMED_BY_USERS = ("picker_rates", "agents", "agents_without_body")
+
 
 def check(
     values: Any,
@@ -110,7 +113,7 @@ def with_changes(scenario: Scenario, /, **changes: Any) -> Scenario:
     """Return a scenario with some values changed, checked again.
 
     Raises `ScenarioError`. Name a nested value by its dotted path, or give a map of changes to a
-    section.
+    section. An empty map takes all away from `picker_rates` and from other maps of a user's names.
 
     >>> with_changes(Scenario(), rows=8, people={"workers": 0}).people.workers
     0
@@ -129,7 +132,9 @@ def with_changes(scenario: Scenario, /, **changes: Any) -> Scenario:
 def _merge(values: dict[str, Any], changes: dict[str, Any]) -> None:
     """Put changes into values, also into the maps inside them."""
     for key, change in changes.items():
-        if isinstance(change, dict) and isinstance(values.get(key), dict):
+        is_map = isinstance(change, dict) and isinstance(values.get(key), dict)
+        takes_all_away = not change and key in NAMED_BY_USERS
+        if is_map and not takes_all_away:
             _merge(values[key], change)
         else:
             values[key] = deepcopy(change)

@@ -273,18 +273,25 @@ between them. Prices and deadlines are asked of each block.
 
 ## Ten questions, and what answers them
 
-| question | command, or what the scenario says |
-|---|---|
-| pickers and carriers at the least cost of a bin | `prices`; `--vary pickers=4..8 --vary carriers` |
-| the cheapest fleet that is done in 8 hours, or by Friday | `--vary pickers --vary carriers --finish-within 8h`, or `--finish-by 5d` |
-| a daily minimum, a piece rate, rent by the day, a machine bought | [prices](#what-is-paid-for-what) |
-| one of eight people is ill, or half as fast | `--vary pickers=7,8`; `--vary 'picker_rates={{}},{{"picker_01": 0.5}}'` |
-| what three hours of rain cost | `--vary carriers=3 --vary 'shift={{}},{{"breaks": [["10:00", "13:00"]]}}' --horizon harvest` with a `shift`. Breaks are not paid: it costs something where one more day begins |
-| three blocks a day with one fleet | [a farm](#several-blocks-one-fleet): `orchard study farm.yaml` |
-| tractors with trailers of three bins | `load_out: {{trailers: {{count: 2, bins: 3}}, metres: 500, speed: 3}}`; `--vary load_out.trailers.count=1..3` |
-| the day ends at 16:30, with breaks at 10 and 12 | `shift`, with `--finish-by 1d` or prices by the day |
-| a truck for 12 bins every 40 minutes | `load_out: {{truck: {{every: 2400, bins: 12}}, empty_bins: 24}}`; `--vary load_out.empty_bins=12,24` |
-| how sure the answer is, and what it hangs on | the `±` of each answer; `--sensitivity` |
+- Pickers and carriers at the least cost of a bin: set `prices`, and say
+  `--vary pickers=4..8 --vary carriers`.
+- The cheapest fleet that is done in 8 hours, or by Friday:
+  `--vary pickers --vary carriers --finish-within 8h`, or `--finish-by 5d`.
+- A daily minimum, a piece rate, rent by the day, a machine bought:
+  [prices](#what-is-paid-for-what).
+- One of eight people is ill: `--vary pickers=7,8`. One is half as fast:
+  `--vary carriers --vary 'picker_rates={{}},{{"picker_01": 0.5}}'`.
+- Three hours of rain: `--vary carriers=3 --horizon harvest` and
+  `--vary 'shift={{}},{{"breaks": [["10:00", "13:00"]]}}'`, with a `shift`. Breaks are not paid:
+  they cost something where one more day begins.
+- Three blocks a day with one fleet: [a farm](#several-blocks-one-fleet).
+- Tractors with trailers of three bins: `load_out: {{metres: 500, speed: 3, trailers: {{count: 2,
+  bins: 3}}}}`, and `--vary load_out.trailers.count=1..3`.
+- The day ends at 16:30, with breaks at 10 and 12: a `shift`, and `--finish-by 1d` or prices for a
+  day.
+- A truck for 12 bins every 40 minutes: `load_out: {{truck: {{every: 2400, bins: 12}},
+  empty_bins: 24}}`, and `--vary load_out.empty_bins=12,24`.
+- How sure is the answer: the `±` of each figure. What it hangs on: `--sensitivity`.
 
 ## Many machines
 

@@ -7,12 +7,13 @@ in the long run, in which pickers pick their rows again: there it gained 0.2 %.
 """
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from math import inf
 from typing import NamedTuple
 
 from orchard.dispatch.policy import Assignment, BinReport, CarrierReport
 from orchard.dispatch.ranking import Predictive, PredictiveMemory, free_carriers
-from orchard.dispatch.rollout import RollOut, courses_of
+from orchard.dispatch.rollout import JobCourse, RollOut, courses_of
 from orchard.field.kinds import number_of
 from orchard.field.layout import Layout
 from orchard.plans.routes import ROUTES
@@ -66,18 +67,30 @@ class Rolling(Predictive):
     Memory: type = RollingMemory
 
     def __init__(self, layout: Layout) -> None:
-        is_known = layout.scenario.route in ROUTES and not layout.is_picked_again
-        plans = is_known and len(layout.blocks) <= MOST_PICKERS
-        # Without courses it decides as `predictive`.
-        self.courses = courses_of(layout) if plans else {}
-        self.starts = {}
-        for picker, courses in self.courses.items():
-            self.starts[picker] = NextBin(0, courses[0].job.ready)
+        self.layout = layout
         # Carrier -> its line of the queue.
         self.lines = {}
         for start in layout.starts:
             if start.kind == "carrier":
                 self.lines[start.name] = (number_of(start.name) - 1) // layout.queue.places
+
+    @cached_property
+    def courses(self) -> dict[str, list[JobCourse]]:
+        """Picker -> the courses of its jobs; none where it decides as `predictive`.
+
+        They take half of a second, and a limit without traffic needs a policy that never decides.
+        """
+        is_known = self.layout.scenario.route in ROUTES and not self.layout.is_picked_again
+        plans = is_known and len(self.layout.blocks) <= MOST_PICKERS
+        return courses_of(self.layout) if plans else {}
+
+    @cached_property
+    def starts(self) -> dict[str, NextBin]:
+        """Picker -> its first bin."""
+        starts = {}
+        for picker, courses in self.courses.items():
+            starts[picker] = NextBin(0, courses[0].job.ready)
+        return starts
 
     def assign(
         self,

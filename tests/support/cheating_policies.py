@@ -4,7 +4,10 @@ finds something tells so by raising it.
 
 import ctypes
 import gc
+import mmap
 import os
+import resource
+import signal
 import sys
 import time
 from pathlib import Path
@@ -143,6 +146,69 @@ class Spinner(Honest):
     def assign(self, now, bins, carriers, memory):
         while True:
             pass
+
+
+class SlowStarter(Honest):
+    def __init__(self, layout):
+        while True:
+            pass
+
+
+class Worker(Honest):
+    """Thinks for long, as if it were of use."""
+
+    def assign(self, now, bins, carriers, memory):
+        until = time.process_time() + 1.5
+        while time.process_time() < until:
+            pass
+        return super().assign(now, bins, carriers, memory)
+
+
+class DeafWorker(Worker):
+    """Passes the signal of its limit over."""
+
+    def __init__(self, layout):
+        super().__init__(layout)
+        signal.signal(signal.SIGXCPU, signal.SIG_IGN)
+
+
+class LimitRaiser(Honest):
+    def assign(self, now, bins, carriers, memory):
+        resource.setrlimit(resource.RLIMIT_CPU, (1000, 1000))
+
+
+class Glutton(Honest):
+    """Asks for more memory than a policy may have: it is not written, so no machine runs out."""
+
+    def assign(self, now, bins, carriers, memory):
+        mmap.mmap(-1, 5 * 2**30, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+
+
+class Forker(Honest):
+    """Lets a copy of itself answer too."""
+
+    def assign(self, now, bins, carriers, memory):
+        os.fork()
+        return super().assign(now, bins, carriers, memory)
+
+
+class Printer(Honest):
+    """Writes answers to where other programs write theirs."""
+
+    def assign(self, now, bins, carriers, memory):
+        print("no orders", flush=True)
+        os.write(1, b"\x00\x00\x00\x02no")
+        return super().assign(now, bins, carriers, memory)
+
+
+class NumberMaker(Honest):
+    def assign(self, now, bins, carriers, memory):
+        return float("nan")
+
+
+class OrderOfNumbers(Honest):
+    def assign(self, now, bins, carriers, memory):
+        return [Assignment(float("nan"), float("nan"))]
 
 
 class Raiser(Honest):

@@ -34,6 +34,7 @@ from orchard.study.benchmark.exchange import (
     Over,
     Question,
     Ready,
+    Spent,
     answer_of,
     framed,
 )
@@ -43,6 +44,9 @@ from orchard.study.benchmark.seen import nothing_drawn
 DECISION_SECONDS = 1.0
 # s until a policy can be asked: what it imports, as a library for learning, takes long to load.
 BEGIN_SECONDS = 120.0
+# s of the processor that a policy may take in all of a harvest. A decision of `rolling` takes some
+# 10 ms, and a harvest has hundreds.
+HARVEST_PROCESSOR_SECONDS = 120
 # s between two looks whether to stop.
 GLANCE = 0.2
 # Variables of the environment that a policy's process gets.
@@ -76,10 +80,11 @@ class PolicyRefused(Exception):
 
 @dataclass(frozen=True)
 class Limits:
-    """How long a policy may take, s of the clock."""
+    """How long a policy may take: s of the clock, and of the processor in a harvest."""
 
     decision_seconds: float = DECISION_SECONDS
     begin_seconds: float = BEGIN_SECONDS
+    processor_seconds: int = HARVEST_PROCESSOR_SECONDS
 
 
 class PolicyProcess:
@@ -117,7 +122,7 @@ class PolicyProcess:
             self._start()
             self._tell(Load(self.policy))
         seen = with_changes(nothing_drawn(scenario), dispatch=self.policy)
-        self._tell(Begin(seen.model_dump_json()))
+        self._tell(Begin(seen.model_dump_json(), self._limits.processor_seconds))
         self._tick = 0
         answer = self._answer(self._limits.begin_seconds, "to begin")
         if isinstance(answer, Fault):
@@ -204,6 +209,12 @@ class PolicyProcess:
             answer = answer_of(self._read(size, until, too_slow))
         except ValueError as error:
             raise self._fault(f"its process wrote no answer of a policy: {error}") from None
+        if isinstance(answer, Spent):
+            self.stop()
+            raise TooSlow(
+                f"dispatch policy {self.policy}, tick {self._tick}: it took more than"
+                f" {answer.processor_seconds} s of the processor for one harvest"
+            )
         if isinstance(answer, Gone):
             raise self._fault(f"it ended its process, with code {answer.code}")
         return answer

@@ -2,8 +2,8 @@
 
 The benchmark names the policy (`Load`), begins a harvest with the orchard in which nothing is drawn
 (`Begin`), asks for each decision (`Ask`), and ends the harvest (`Over`). It hears `Ready`, then for
-each question `Orders`; or what is wrong (`Fault`), or that the policy has ended its process
-(`Gone`).
+each question `Orders`; or what is wrong (`Fault`), that the policy has ended its process (`Gone`),
+or that it has used up its time of the processor (`Spent`).
 """
 
 from typing import BinaryIO
@@ -29,6 +29,8 @@ class Begin(msgspec.Struct, tag=True, frozen=True):
 
     #: As JSON. Nothing is drawn in it.
     scenario: str
+    #: Processor time that the policy may take in all of the harvest, s.
+    processor_seconds: int
 
 
 class Ask(msgspec.Struct, tag=True, frozen=True):
@@ -74,7 +76,14 @@ class Gone(msgspec.Struct, tag=True, frozen=True):
     code: int
 
 
-Answer = Ready | Orders | Fault | Gone
+class Spent(msgspec.Struct, tag=True, frozen=True):
+    """The policy has used up its processor time, and was ended."""
+
+    #: What it had, s.
+    processor_seconds: int
+
+
+Answer = Ready | Orders | Fault | Gone | Spent
 
 _encoder = msgspec.msgpack.Encoder()
 _questions = msgspec.msgpack.Decoder(Question)

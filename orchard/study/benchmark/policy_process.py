@@ -6,6 +6,8 @@ the class. So no harvest can know what happened in another one.
 
 import ctypes
 import os
+import resource
+import signal
 import sys
 from contextlib import suppress
 from typing import BinaryIO
@@ -26,6 +28,7 @@ from orchard.study.benchmark.exchange import (
     Load,
     Orders,
     Ready,
+    Spent,
     framed,
     next_question,
 )
@@ -33,6 +36,10 @@ from orchard.study.benchmark.seen import layout_seen
 
 # Exit code of a harvest's process that was told to end.
 TOLD_TO_END = 77
+# Bytes that a policy may write into: a machine of the size of today's laptops has them.
+MOST_MEMORY = 4 * 2**30
+# s of the processor after which a harvest's process ends that ignores the signal of its limit.
+DEAF_SECONDS = 1
 # Characters of the version of a policy.
 LONGEST_VERSION = 100
 # Of Linux: prctl, and the size of what capset takes.
@@ -52,6 +59,8 @@ def main() -> None:
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(2, 1)
     _drop_rights()
+    _limit(resource.RLIMIT_DATA, MOST_MEMORY)
+    _limit(resource.RLIMIT_CORE, 0)
     while (question := next_question(questions)) is not None:
         if isinstance(question, Load):
             # What is wrong with it is told when it is made.
@@ -73,10 +82,14 @@ def _in_fork(begin: Begin, questions: BinaryIO, answers: BinaryIO) -> None:
     child = os.fork()
     if child == 0:
         _drop_rights()
+        _limit(resource.RLIMIT_CPU, begin.processor_seconds, DEAF_SECONDS)
         with suppress(BrokenPipeError):
             _harvest(scenario, questions, answers)
         os._exit(TOLD_TO_END)
     code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if code == -signal.SIGXCPU:
+        answers.write(framed(Spent(begin.processor_seconds)))
+        return
     if code != TOLD_TO_END:
         answers.write(framed(Gone(code)))
 
@@ -98,6 +111,15 @@ def _harvest(scenario: Scenario, questions: BinaryIO, answers: BinaryIO) -> None
             answers.write(framed(Fault(str(fault))))
             return
         answers.write(answer)
+
+
+def _limit(what: int, most: int, beyond: int = 0) -> None:
+    """Limit what this process may use of something. `beyond`: until the system ends it."""
+    # The system may allow less already.
+    _, allowed = resource.getrlimit(what)
+    if allowed != resource.RLIM_INFINITY:
+        most = min(most, allowed - beyond)
+    resource.setrlimit(what, (most, most + beyond))
 
 
 def _drop_rights() -> None:

@@ -3,6 +3,7 @@
 import os
 import re
 import sys
+from dataclasses import replace
 
 import pytest
 
@@ -72,6 +73,11 @@ def test_a_class_that_asks_for_what_is_drawn_is_refused(cheat, said):
         ("Forger", r"its process wrote no answer of a policy"),
         ("Flooder", r"its answer has 2147483647 bytes; at most 100000"),
         ("Boaster", r"assigns bin b+\.\.\."),
+        ("Glutton", r"OSError: \[Errno 12\] Cannot allocate memory"),
+        ("Forker", r"assigns bin bin_\d+, which is not available"),
+        ("LimitRaiser", r"ValueError: not allowed to raise maximum limit"),
+        ("NumberMaker", r"TypeError: assign returned nan; it must return a list of Assignment"),
+        ("OrderOfNumbers", r"ValueError: the dispatch policy assigns bin nan, which is not av"),
     ],
 )
 def test_a_cheat_in_a_decision_ends_with_its_name(cheat, said):
@@ -106,8 +112,10 @@ def _name_of(pid: int) -> str:
         return file.read().strip()
 
 
-def test_a_patch_of_the_model_changes_nothing():
-    assert played("Patcher") == played("Honest")
+@pytest.mark.parametrize("cheat", ["Patcher", "Printer"])
+def test_what_a_policy_changes_or_prints_changes_nothing(cheat):
+    """A patch of the model stays in its process, and nobody reads what it prints as an answer."""
+    assert played(cheat) == played("Honest")
 
 
 @pytest.mark.parametrize("cheat", ["Sleeper", "Spinner"])
@@ -116,6 +124,25 @@ def test_a_decision_that_takes_too_long_ends_the_harvest(cheat):
     wanted = rf"cheating_policies\.{cheat}, tick \d+: it took more than 0\.05 s for a decision"
     with pytest.raises(TooSlow, match=wanted):
         played(cheat, limits=limits)
+
+
+def test_a_policy_that_never_begins_has_no_score():
+    limits = Limits(decision_seconds=120.0, begin_seconds=2.0)
+    with pytest.raises(TooSlow, match=r"SlowStarter, tick 0: it took more than 2 s to begin"):
+        played("SlowStarter", limits=limits)
+
+
+def test_a_harvest_has_so_much_of_the_processor():
+    limits = replace(PATIENT, processor_seconds=1)
+    wanted = r"Worker, tick \d+: it took more than 1 s of the processor for one harvest"
+    with pytest.raises(TooSlow, match=wanted):
+        played("Worker", limits=limits)
+
+
+def test_a_policy_deaf_to_its_limit_is_ended():
+    limits = replace(PATIENT, processor_seconds=1)
+    with pytest.raises(PolicyFault, match=r"it ended its process, with code -9"):
+        played("DeafWorker", limits=limits)
 
 
 def test_no_harvest_knows_what_happened_in_another_one():

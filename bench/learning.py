@@ -1,12 +1,17 @@
 """How fast the environments are in which a policy learns: `python -m bench.learning`.
 
-It takes about three minutes, and writes nothing. Beside it rware, the Multi-Robot Warehouse, is
-measured in an environment of its own, if it can be installed.
+It takes about three minutes, and writes nothing. With `--many` it measures only dispatch in many
+orchards at once, and what stands beside it, and writes both into bench/results.md. Beside it stand
+rware, the Multi-Robot Warehouse, and RobotWarehouse of Jumanji, each measured in an environment of
+its own, if it can be installed.
 
 Steps and resets are timed in processor time (see timing.py): the median of five measurements, and
 the best of them, because the machine may have other work.
 """
 
+import json
+import os
+import sys
 import time
 from collections.abc import Callable, Iterator
 from statistics import median
@@ -14,7 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from bench.peer_simulators import rware_agent_steps
+from bench.learning_report import FIGURES, with_learning
+from bench.peer_simulators import JUMANJI, LEARNING_PACKAGES, RWARE, agent_steps
 from orchard.field.scenario import Scenario
 from orchard.gym import dispatch_env, dispatch_vec_env, single_env
 
@@ -27,6 +33,9 @@ VECTOR_STEPS = 100
 SIZES = ((8, 4, 4), (20, 10, 10))
 # Environments of rware, with 2, 4 and 8 robots.
 WAREHOUSES = ("rware-tiny-2ag-v2", "rware-small-4ag-v2", "rware-medium-8ag-v2")
+# Warehouses of Jumanji at once: as many as orchards, and more.
+AT_ONCE = (ORCHARDS, 1024)
+JUMANJI_STEPS = 50
 
 
 def timed(work: Callable[[], object], count: int) -> list[float]:
@@ -135,22 +144,59 @@ def decisions_of_many(scenario: Scenario, may_wait: bool) -> list[float]:
 
 
 def dispatch_lines() -> Iterator[str]:
-    """Return the rates of dispatch in one orchard and in many, and those of rware."""
+    """Return the rates of dispatch in one orchard and in many, and those of its peers."""
     for rows, pickers, carriers in SIZES:
         scenario = Scenario(rows=rows, pickers=pickers, carriers=carriers)
         size = f"{rows} rows, {pickers} pickers, {carriers} carriers"
         yield f"dispatch_env, {size}: {rates(decisions(scenario))} decisions/s"
+    for name, figures in many().items():
+        yield f"{name}: {figures if isinstance(figures, str) else rates(figures)}"
+
+
+def many() -> dict[str, list[float] | str]:
+    """Return the seconds of a step of what steps many robots at once, by name, or why it was not
+    measured.
+
+    A step is a decision, or an action of one agent of a warehouse.
+    """
+    measured: dict[str, list[float] | str] = {}
+    for rows, pickers, carriers in SIZES:
+        scenario = Scenario(rows=rows, pickers=pickers, carriers=carriers)
         for may_wait in (True, False):
             how = "any action" if may_wait else "sends at once"
-            times = decisions_of_many(scenario, may_wait)
-            yield f"dispatch_vec_env, {size}, {how}: {rates(times)} decisions/s"
+            name = f"`dispatch_vec_env`, {ORCHARDS} of {rows}/{pickers}/{carriers}, {how}"
+            measured[name] = decisions_of_many(scenario, may_wait)
     for name in WAREHOUSES:
-        try:
-            times = [1.0 / rate for rate in rware_agent_steps(name, STEPS)]
-        except RuntimeError as error:
-            yield f"{name}: not measured: {error}"
-        else:
-            yield f"{name}: {rates(times)} agent steps/s"
+        measured[f"{_title(RWARE)}, `{name}`"] = _peer(RWARE, name, str(STEPS))
+    for count in AT_ONCE:
+        name = f"{_title(JUMANJI)}, {count} of `RobotWarehouse-v0`"
+        measured[name] = _peer(JUMANJI, str(count), str(JUMANJI_STEPS))
+    return measured
+
+
+def _title(peer: str) -> str:
+    return LEARNING_PACKAGES[peer].replace("==", " ")
+
+
+def _peer(name: str, *words: str) -> list[float] | str:
+    """Return the seconds of an agent's step, or why it was not measured."""
+    try:
+        return [1.0 / rate for rate in agent_steps(name, *words)]
+    except RuntimeError as error:
+        return f"not measured: {error}"
+
+
+def write_many() -> None:
+    """Measure `many`, and write it into bench/results.md."""
+    before = os.getloadavg()[0]
+    measured = {}
+    for name, figures in many().items():
+        measured[name] = figures
+        print(name, figures if isinstance(figures, str) else rates(figures), flush=True)
+    load = [before, os.getloadavg()[0]]
+    FIGURES.write_text(json.dumps({"load": load, "seconds": measured}, indent=1) + "\n")
+    results = FIGURES.with_name("results.md")
+    results.write_text(with_learning(results.read_text()))
 
 
 def rates(times: list[float]) -> str:
@@ -184,5 +230,8 @@ def lines() -> Iterator[str]:
 
 
 if __name__ == "__main__":
+    if sys.argv[1:] == ["--many"]:
+        write_many()
+        sys.exit()
     for line in lines():
         print(line, flush=True)

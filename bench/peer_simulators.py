@@ -23,7 +23,8 @@ PACKAGES = {
 }
 # Measured by bench.learning only.
 RWARE = "rware"
-LEARNING_PACKAGES = {RWARE: "rware==2.0.0"}
+JUMANJI = "jumanji"
+LEARNING_PACKAGES = {RWARE: "rware==2.0.0", JUMANJI: "jumanji==1.1.2"}
 ALSO = ("numpy==2.4.6", "pyyaml==6.0.3")  # for the drivers
 START_SECONDS = 90.0  # time for the start; creating a thousand robots takes long
 
@@ -80,16 +81,16 @@ def steps_per_second(name: str, robots: int, seconds: float) -> float:
     return float(json.loads(process.stdout.strip().splitlines()[-1])["steps_per_second"])
 
 
-def rware_agent_steps(environment: str, steps: int) -> list[float]:
-    """Return the agent steps a second of processor time of an environment of rware, of several
-    measurements.
+def agent_steps(name: str, *words: str) -> list[float]:
+    """Return the agent steps a second of processor time of a simulator for learning, of several
+    measurements. `words`: what its driver is told.
 
     Raises RuntimeError where it cannot be installed, or fails.
     """
-    if fault := install(RWARE):
+    if fault := install(name):
         raise RuntimeError(fault)
-    python = ENVIRONMENTS / RWARE / "bin" / "python"
-    command = [str(python), str(HERE / "peers" / "rware_driver.py"), environment, str(steps)]
+    python = ENVIRONMENTS / name / "bin" / "python"
+    command = [str(python), str(HERE / "peers" / f"{name}_driver.py"), *words]
     process = subprocess.run(command, capture_output=True, check=False, text=True)
     if process.returncode:
         raise RuntimeError(process.stderr.strip().splitlines()[-1])

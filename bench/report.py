@@ -5,6 +5,7 @@ import platform
 from importlib.metadata import version
 from pathlib import Path
 
+from bench.learning_report import with_learning
 from bench.measure import ROBOTS, Lockstep, Results
 from bench.peer_simulators import PACKAGES, QUOTED
 
@@ -52,7 +53,7 @@ into `.bench/`.
 def markdown(results: Results) -> str:
     """Return the text of bench/results.md."""
     parts = [HEAD, _machine(results), _core(results), _goals(results), _program(results), METHOD]
-    return "\n\n".join(part.strip() for part in parts) + "\n"
+    return with_learning("\n\n".join(part.strip() for part in parts) + "\n")
 
 
 def table(head: list[str], rows: list[list[str]]) -> str:

@@ -100,3 +100,30 @@ def test_a_dispatch_policy_learns_and_decides(tmp_path, monkeypatch):
         lay_out(with_changes(ALONE, rows=5, dispatch="examples.learned_dispatch.Learned"))
     ).run()
     assert decided
+
+
+def test_many_orchards_show_what_one_shows(monkeypatch):
+    """examples/learning_curves.py sees with arrays what examples/learned_dispatch.py sees of one
+    orchard: so what has learned in many can decide in one.
+    """
+    monkeypatch.syspath_prepend(ROOT)
+    curves = import_module("examples.learning_curves")
+    learned = import_module("examples.learned_dispatch")
+    instance = curves.instances()["small-spread-train"]
+    orchard = curves.OneOrchard(instance, 2)
+    observed, _ = orchard.envs.reset(seed=[1, 2])
+    for _ in range(30):
+        orchard.see(observed)
+        for number in range(orchard.size):
+            seen = {name: array[number] for name, array in observed.items()}
+            choices = learned.Choices(seen)
+            assert np.allclose(choices.features, orchard.features[number])
+            assert list(choices.mask) == list(orchard.masks[number])
+            shown = orchard.actions[number][: len(choices.actions)]
+            assert [*shown[choices.mask[: len(shown)]]] == [
+                action
+                for action, can_be in zip(choices.actions, choices.mask, strict=False)
+                if can_be
+            ]
+        chosen = orchard.masks.argmax(axis=1)
+        observed, *_ = orchard.envs.step(orchard.actions[np.arange(orchard.size), chosen])

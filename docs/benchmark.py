@@ -1,11 +1,14 @@
-"""The table and the picture of docs/benchmark.md: `orchard benchmark --summary docs/benchmark.json`
-measures them, `make docs` writes them.
+"""The table and the pictures of docs/benchmark.md, which `make docs` writes.
+
+`orchard benchmark --summary docs/benchmark.json` measures the scores, and
+`python examples/learning_curves.py` how a policy learns.
 """
 
 import io
 import json
 import re
 from pathlib import Path
+from statistics import fmean
 
 import matplotlib
 import msgspec
@@ -17,6 +20,8 @@ PAGE = Path(__file__).with_name("benchmark.md")
 INK = "#24301f"
 DOT = "#7ea3cf"
 SPREAD = 0.6  # of the dots of a policy, as a share of its line
+# Policies beside which the learned ones stand, and their colours.
+BESIDE = {"rolling": "#24301f", "predictive": "#7a5b2e", "nearest": "#9aa08f"}
 HEAD = "| policy | score, % | its worst orchard |\n|---|---|---|\n"
 
 
@@ -59,6 +64,35 @@ def picture() -> str:
     axes.set_xlabel("score, %: proven time as a share of the harvest's; a dot is an orchard")
     axes.set_xlim(right=100.0)
     axes.spines[["top", "right"]].set_visible(False)
+    return _svg(drawing)
+
+
+def learning_picture() -> str:
+    """Return the picture of learning as SVG: the score in the orchards for the test, by seeds."""
+    measured = json.loads(PAGE.with_name("learning.json").read_text())
+    drawing = Figure(figsize=(8.6, 3.6), layout="constrained")
+    axes = drawing.subplots()
+    for points in measured["curves"].values():
+        minutes = [60.0 * at for at, _, _ in points]
+        scores = [100.0 * score for _, _, score in points]
+        axes.plot(minutes, scores, color=DOT, marker="o", markersize=3.0, linewidth=1.2)
+    for policy, color in BESIDE.items():
+        score = 100.0 * test_score(policy)
+        axes.axhline(score, color=color, linewidth=1.0, linestyle="--")
+        axes.annotate(f"{policy} {score:.1f}", (1.01, score), xycoords=("axes fraction", "data"))
+    axes.set_xlabel("seconds of learning, of one core; a line is a seed")
+    axes.set_ylabel("score in the test split, %")
+    axes.spines[["top", "right"]].set_visible(False)
+    return _svg(drawing)
+
+
+def test_score(policy: str) -> float:
+    """Return the score of a policy in the orchards for the test, 0 to 1."""
+    return fmean(one.score for one in result().of(policy) if one.orchard.endswith("-test"))
+
+
+def _svg(drawing: Figure) -> str:
+    """Return a drawing as SVG: the same one each time."""
     written = io.StringIO()
     with matplotlib.rc_context({"svg.hashsalt": "benchmark", "svg.fonttype": "path"}):
         drawing.savefig(written, format="svg", metadata={"Date": None})

@@ -33,6 +33,7 @@ def generated() -> dict[str, str]:
         "docs/study.svg": study.picture(),
         "docs/benchmark.md": benchmark.document(),
         "docs/benchmark.svg": benchmark.picture(),
+        "docs/learning.svg": benchmark.learning_picture(),
         "docs/policies.svg": policies.picture(),
         "docs/validation.md": validation.document(),
         **validation.pictures(),

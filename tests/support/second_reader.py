@@ -11,7 +11,7 @@ from pathlib import Path
 
 TICK = 0.1  # s
 # Of events at one tick.
-RELEASE, CLAIM, STOP, HOME = range(4)
+RELEASE, CLAIM, STOP, HOME, TRAILER, LOADED = range(6)
 
 
 def seconds_of(file: Path, draw: int = 0) -> float:
@@ -31,6 +31,9 @@ class Reader:
         self.count = 0
         self.taken = {}
         self.end = 0
+        # Of each trailer, when it is back, and its bins.
+        self.trailers = [[0, 0] for _ in range(instance["constants"].get("trailers", 0))]
+        self.loaded = 0
         for picker, jobs in self.jobs.items():
             self.come_out(picker, 0, jobs[0]["ready"])
         sent = dict.fromkeys(self.jobs, 0)
@@ -65,6 +68,8 @@ class Reader:
             (at_lane, CLAIM - 0.5, f"{picker} {number}"),
             (0, STOP, (picker, number)),
             (to_bay, CLAIM, "bay"),
+            (to_bay, TRAILER, ""),
+            (to_bay + job["in_bay"], LOADED, ""),
             (to_bay + job["in_bay"] + constants["headway"], RELEASE, "bay"),
             (to_bay + job["to_rest"], HOME, ""),
         ]
@@ -91,11 +96,35 @@ class Reader:
                 self.go_on_picking(picker, number, tick)
             elif kind == HOME:
                 self.end = max(self.end, tick)
+            elif kind == TRAILER:
+                # What comes after it is as much later.
+                robot["zero"] += max(0, self.next_trailer(tick)[0] - tick)
+            elif kind == LOADED:
+                self.load(tick)
             elif what in self.taken:
                 self.taken[what].append(robot)
                 return
             else:
                 self.taken[what] = []
+
+    def next_trailer(self, tick: int) -> list:
+        """The trailer that takes the next bin; if there are no trailers, one that always stands."""
+        there = [trailer for trailer in self.trailers if trailer[0] <= tick]
+        if there:
+            return max(there, key=lambda trailer: trailer[1])
+        return min(self.trailers, default=[0, 0])
+
+    def load(self, tick: int) -> None:
+        """Put a bin on a trailer, which leaves when it is full, or with the last bin."""
+        constants = self.instance["constants"]
+        self.loaded += 1
+        if self.trailers:
+            trailer = self.next_trailer(tick)
+            trailer[1] += 1
+            is_last = self.loaded == len(self.instance["jobs"])
+            if is_last or trailer[1] == constants["trailer_bins"]:
+                trailer[:] = [tick + constants["trailer_away"], 0]
+                self.end = max(self.end, trailer[0])
 
     def release(self, place: str, tick: int) -> None:
         waiting = self.taken.get(place)

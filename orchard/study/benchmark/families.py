@@ -31,7 +31,15 @@ _GUESTS = {
 }
 _BREAKDOWNS = {"failure": {"mean_between": [600.0, 900.0, 1200.0], "mean_repair": [60.0, 120.0]}}
 FAMILIES: dict[str, dict[str, Any]] = {
-    "tiny": {"rows": 3, "pickers": 3, "carriers": 2, "picking_speed": [0.09, 0.1, 0.12]},
+    # Two bins a row: with one, all policies that send carriers early do the same.
+    "tiny": {
+        "rows": 4,
+        "pickers": 4,
+        "carriers": 2,
+        "metres_per_bin": 40.0,
+        "row_length": [60.0, 80.0],
+        "picking_speed": [0.3, 0.4, 0.5],
+    },
     "small-fast": {"rows": [8, 10, 12], "pickers": 5, "carriers": [3, 4], "picking_speed": 1.0},
     "small-one-way": {
         "rows": [10, 12],
@@ -93,6 +101,36 @@ FAMILIES: dict[str, dict[str, Any]] = {
         "carriers": [3, 4, 5],
         "picking_speed": [0.5, 1.0],
         "row_width": [4.5, 5.0],
+    },
+    # As they are in close plantings, where a robot just passes.
+    "close-rows": {
+        "rows": 12,
+        "pickers": 6,
+        "carriers": [3, 4],
+        "picking_speed": [0.5, 1.0],
+        "row_width": [3.15, 3.3, 3.5],
+    },
+    # Small carriers that bring each bin to the load-out themselves.
+    "load-out": {
+        "rows": 12,
+        "pickers": 5,
+        "carriers": [5, 6],
+        "picking_speed": [0.3, 0.5],
+        "carrying": {"speed": [1.2, 1.5]},
+        "load_out": {"metres": [100.0, 200.0], "speed": [2.0, 3.0], "seconds": 30.0},
+    },
+    # Trailers stand at the bay, and carriers wait while none does.
+    "trailers": {
+        "rows": 12,
+        "pickers": 5,
+        "carriers": 3,
+        "picking_speed": [0.4, 0.6],
+        "load_out": {
+            "metres": [300.0, 400.0],
+            "speed": 4.0,
+            "seconds": [60.0, 90.0],
+            "trailers": {"count": 2, "bins": [2, 3]},
+        },
     },
     "large-fast": {"rows": 20, "pickers": 10, "carriers": [7, 8], "picking_speed": [0.8, 1.0]},
     "large-slow": {

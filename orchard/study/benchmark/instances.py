@@ -42,6 +42,12 @@ RULES = [
     "Of a row the seed draws the picking time; ready of a seed has it.",
     "A robot fails after it has worked for so long since its last repair, and then stands.",
 ]
+TRAILER_RULES = [
+    "There are `trailers` at the bay. A carrier in the bay waits until one stands there; only then"
+    " its in_bay begins, at whose end its bin is on the trailer that has most bins.",
+    "A trailer with `trailer_bins` bins, or with the last bin of the harvest, is away for"
+    " `trailer_away` ticks. The harvest ends when the last trailer is back, if that is later.",
+]
 # How many failures of each robot a file has: no harvest of the set has more.
 FAILURES = 24
 Split = Literal["train", "test", "hidden"]
@@ -170,6 +176,11 @@ def instance_of(
     layout = lay_out(check(values, name))
     jobs = jobs_of(lay_out(_at_mean_speeds(layout.scenario)))
     places = layout.queue.places
+    rules = [*RULES]
+    constants = {"ordered": ORDERED}
+    if layout.scenario.load_out.has_trailers:
+        rules += TRAILER_RULES
+        constants |= _trailers(layout)
     headway = ticks(HEADWAY / layout.machines["carrier"].speed)
     carriers = [start.name for start in layout.starts if start.kind == "carrier"]
     rows = []
@@ -182,14 +193,24 @@ def instance_of(
         set=SET,
         scenario=values,
         units=UNITS,
-        rules=RULES,
-        constants={"ordered": ORDERED, "headway": headway},
+        rules=rules,
+        constants=constants | {"headway": headway},
         rows=rows,
         pickers={picker: list(block.rows) for picker, block in layout.blocks.items()},
         carriers={carrier: number // places for number, carrier in enumerate(carriers)},
         jobs=_jobs(jobs),
         draws=[_draw(layout, seed, seconds) for seed, seconds in proven.items()],
     )
+
+
+def _trailers(layout: Layout) -> dict[str, int]:
+    """Return how many trailers there are, what each holds, and for how many ticks it is away."""
+    trailers = layout.scenario.load_out.trailers
+    return {
+        "trailers": trailers.count or 0,
+        "trailer_bins": trailers.bins or 0,
+        "trailer_away": layout.machines["carrier"].trailer_ticks,
+    }
 
 
 def _at_mean_speeds(scenario: Scenario) -> Scenario:

@@ -4,8 +4,8 @@ It proves the bounds, which takes long, and looks for the best schedules.
 """
 
 import sys
-from collections.abc import Iterator, Sequence
-from itertools import permutations
+from collections.abc import Iterator, Mapping, Sequence
+from math import factorial
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -27,8 +27,8 @@ from orchard.study.benchmark.instances import (
 from orchard.study.benchmark.play import Decide, play
 from orchard.study.benchmark.seen import layout_seen, nothing_drawn
 
-# Of an orchard with so few bins all orders are tried.
-MOST_ENUMERATED = 4
+# Orders of all bins: if there are no more, all are tried. Eight bins of four pickers have 2,520.
+MOST_ENUMERATED = 3000
 
 
 def with_schedules(instance: Instance) -> Instance:
@@ -49,13 +49,32 @@ def _tried(layout: Layout) -> Iterator[KnownSchedule]:
         if policy != NEAREST:
             asked = AskedPolicy(layout_seen(with_changes(seen, dispatch=policy)))
             yield from _schedule(layout, policy, asked.is_early, asked.orders)
-    if layout.bins > MOST_ENUMERATED:
+    bins = {}
+    for picker, block in layout.blocks.items():
+        bins[picker] = sum(one.leaves_bin for one in layout.passes(block))
+    if orders_of(bins) > MOST_ENUMERATED:
         return
-    pickers = sorted(layout.blocks)
-    for order in permutations(pickers):
-        for slack in (MARGIN, 1e9):
-            found_by = f"all orders of {len(pickers)} pickers"
-            yield from _schedule(layout, found_by, True, InOrder(order, slack).orders)
+    found_by = f"all orders of {sum(bins.values())} bins"
+    for order in _orders(bins):
+        yield from _schedule(layout, found_by, True, InOrder(order).orders)
+
+
+def orders_of(bins: Mapping[str, int]) -> int:
+    """Return in how many orders bins can be fetched. `bins`: picker -> how many."""
+    count = factorial(sum(bins.values()))
+    for number in bins.values():
+        count //= factorial(number)
+    return count
+
+
+def _orders(bins: Mapping[str, int]) -> Iterator[list[str]]:
+    """Yield the pickers in all orders in which their bins can be fetched."""
+    if not any(bins.values()):
+        yield []
+    for picker, number in bins.items():
+        if number > 0:
+            for rest in _orders({**bins, picker: number - 1}):
+                yield [picker, *rest]
 
 
 def _schedule(
@@ -69,12 +88,11 @@ def _schedule(
 
 
 class InOrder:
-    """Serves pickers in an order, each once."""
+    """Serves pickers in an order. A carrier leaves so that it arrives when the bin is full."""
 
-    def __init__(self, pickers: Sequence[str], slack: float) -> None:
-        """`slack`: s before a bin is full at which a carrier leaves, beside its way."""
+    def __init__(self, pickers: Sequence[str]) -> None:
+        """`pickers`: of each bin."""
         self._pickers = [*pickers]
-        self._slack = slack
 
     def orders(
         self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport]
@@ -84,7 +102,7 @@ class InOrder:
         waiting = {report.picker: report for report in bins}
         for carrier in free_carriers(carriers):
             report = waiting.get(self._pickers[0]) if self._pickers else None
-            if report is None or report.seconds_to_full - report.seconds_to_reach > self._slack:
+            if report is None or report.seconds_to_full - report.seconds_to_reach > MARGIN:
                 break
             orders.append(Assignment(report.name, carrier.name))
             del self._pickers[0]

@@ -12,14 +12,19 @@ HEAD = """\
 
 A scenario is a YAML file. Each value that it leaves out keeps its default. `orchard FILE.yaml`
 harvests it; options such as `--rows` and `--dispatch` change the value of the same name. These come
-with the program: `hand_picking` and `kiwi_robot` (a hectare of kiwifruit, picked by people and by
-robots), `apple_platform` (a hectare of apples in close rows, picked by people on platforms),
-`apple_robots` (that hectare, picked by robots), `forklift` (people pick apples, and a forklift takes
-four bins at a time to the store), `tractor_trailers` (two gangs pick kiwifruit, with tractors and
-trailers of three bins), `cart_robots` (the hectare of `hand_picking` with small, fast carriers), and
-`undisturbed` (nothing is random). Their files name their sources. All faults of a file are reported at once, each with its
-line. The line `# yaml-language-server: $schema=PATH` lets an editor complete the file; PATH leads
-to [the schema](../{schema}).
+with the program; their files name their sources:
+
+- `hand_picking`, `kiwi_robot`: a hectare of kiwifruit, picked by people and by robots;
+- `cart_robots`: the hectare of `hand_picking` with small, fast carriers;
+- `tractor_trailers`: two gangs pick kiwifruit, with tractors and trailers of three bins;
+- `apple_platform`, `apple_robots`: a hectare of apples in close rows, picked by people on platforms
+  and by robots;
+- `forklift`: people pick apples, and a forklift takes four bins at a time to the store;
+- `undisturbed`: nothing is random.
+
+All faults of a file are reported at once, each with its line. The line
+`# yaml-language-server: $schema=PATH` lets an editor complete the file; PATH leads to
+[the schema](../{schema}).
 
 ```yaml scenario
 rows: 8

@@ -16,7 +16,7 @@ from orchard.event_model.results import JAM
 from orchard.event_model.trace import trace
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import TIME_STEP, Scenario
-from orchard.report.bounds import with_endless_batteries
+from orchard.report.losses import with_endless_batteries
 
 SMALL = NOBODY | {"rows": 5, "pickers": 3, "carriers": 3, "row_length": 30.0}
 

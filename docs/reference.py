@@ -14,7 +14,7 @@ from orchard.field import placement
 from orchard.field.geometry import Rect
 from orchard.field.kinds import AROUND, EIGHTH, KINDS, LASER_RANGE, Kind, Laser
 from orchard.field.layout import Layout, lay_out
-from orchard.field.queue import BAY_STOP, ONE_WAY, PITCH, TOP_ROAD, USUAL_ROW
+from orchard.field.queue import BAY_STOP, CLOSED_UP, ONE_WAY, PITCH, TOP_ROAD, USUAL_ROW
 from orchard.field.repeatable import PI, QUARTER
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.field.survey import TRUNK
@@ -152,7 +152,8 @@ def _field(layout: Layout) -> str:
     text = f"""Fruit is not modelled. The code is `orchard/field/layout.py`. The table is for rows
 of {USUAL_ROW:g} m with the bay at its usual place. `row_length` moves the rows' east ends, and
 everything east of them; a line of trees then has as many trees as fit up to {field.LAST_TREE:g} m
-before the row's end. `bay` moves the bay east along the top road."""
+before the row's end. `bay` moves the bay east along the top road. Each further place of `bays`
+makes it {CLOSED_UP:g} m longer in the west."""
     return _section("The field", _points_of(rows), text)
 
 
@@ -369,11 +370,12 @@ def _work() -> str:
    letters below. The carrier [exchanges the bins](traffic.md#an-exchange-on-the-east-side), and
    takes the full one to the bay.
 5. Carrier and bin stand, with the bin's centre in the bay. After `handling.unloading` the
-   bin is empty, and counts as delivered. The bay works on one bin at a time. The carrier takes the
-   empty bin back to its line of the queue. With a `load_out` it is away from there: it stands for
-   itself in its line, takes no calls, and uses its battery as on the ways. With trailers it is not:
-   the bay works only while one of them stands there. With `load_out.empty_bins` it works only
-   while one of these stands there: full bins wait for the truck, or are on trailers.
+   bin is empty, and counts as delivered. The bay works on as many bins at a time as `bays` says
+   ([several places](traffic.md#several-places-at-the-bay)). The carrier takes the empty bin back to
+   its line of the queue. With a `load_out` it is away from there: it stands for itself in its line,
+   takes no calls, and uses its battery as on the ways. With trailers it is not: the bay takes a bin
+   only while one of them stands there with room for it. With `load_out.empty_bins` it takes one
+   only while one of these stands there: full bins wait for the truck, or are on trailers.
 6. The harvest is over when every row is picked, no bin is full, the carriers stand in the queue
    with their bins and face east, carriers and trailers are back from the load-out, and the
    pickers stand. Full bins may wait for the truck.

@@ -34,6 +34,7 @@ _OF_THE_GROUND = (
     "row_width",
     "survey",
     "bay",
+    "bays",
     "route",
     "metres_per_bin",
     "bins_per_row",

@@ -51,6 +51,7 @@ LABELS = {
     "handling.uncoupling": "Time to uncouple",
     "handling.exchange": "Time with the empty bin",
     "handling.unloading": "Time at the bay",
+    "bays": "Places at the bay",
     "load_out.metres": "Way to the load-out",
     "load_out.speed": "Speed to the load-out",
     "load_out.seconds": "Time at the load-out",

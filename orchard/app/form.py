@@ -63,6 +63,7 @@ FOR_EXPERTS = {
         "handling.uncoupling",
         "handling.exchange",
         "handling.unloading",
+        "bays",
         "load_out.metres",
         "load_out.speed",
         "load_out.seconds",

@@ -26,7 +26,7 @@ from orchard.field.problems import ScenarioError
 from orchard.field.queue import TOP_ROAD
 from orchard.plans.robot import Step
 from orchard.plans.routes import ROUTES, route_of
-from orchard.plans.steps import Haul, Plan, of_known_steps, with_steps
+from orchard.plans.steps import DriveToBay, Haul, Plan, of_known_steps, with_steps
 
 log = logging.getLogger("orchard")
 
@@ -96,6 +96,7 @@ def _check_route(layout: Layout) -> None:
                 job = route.fetch(1, pass_.row, side, "picker_01", "bin_01")
                 of_known_steps(job, route.Steps)
                 _demand_haul(layout, job)
+                _demand_bays(layout, job)
         route.roads()
         route.holds()
         route.distance(layout.queue.head, TOP_ROAD, 1, route.east)
@@ -110,6 +111,16 @@ def _demand_haul(layout: Layout, job: Collection[Step]) -> None:
     if not any(isinstance(step, Haul) for step in job):
         raise ValueError(
             "load_out has no effect: fetch returns no step Haul; put *self.haul() before Home"
+        )
+
+
+def _demand_bays(layout: Layout, job: Collection[Step]) -> None:
+    """Raise ValueError if several carriers unload at a time, and a job knows one place for it."""
+    if layout.scenario.bays == 1:
+        return
+    if not any(isinstance(step, DriveToBay) for step in job):
+        raise ValueError(
+            "bays has no effect: fetch returns no step DriveToBay; end go_to_bay with self.to_bay()"
         )
 
 

@@ -67,8 +67,10 @@ class JobCourse:
     `of_picker`: that of the picker. `of_carrier`: that of the carrier from each line of the queue.
     """
 
-    def __init__(self, job: TimedJob, headway: int) -> None:
-        """`headway`: ticks from a carrier that leaves the bay to the next one there."""
+    def __init__(self, job: TimedJob, headway: int, bays: int) -> None:
+        """`headway`: ticks from a carrier that leaves the bay to the next one there. `bays`: how
+        many carriers unload at a time; one after the other, each takes its part of the time here.
+        """
         is_out = f"{job.picker} is out"
         lane = f"{job.side}/D/{job.lane}"
         crossing = _events(job.crossings)
@@ -79,7 +81,7 @@ class JobCourse:
             CourseEvent(stop, What.MEET, is_out),
             CourseEvent(0, What.STOP),
             CourseEvent(job.to_bay, What.CLAIM, "bay"),
-            CourseEvent(job.to_bay + job.in_bay + headway, What.RELEASE, "bay"),
+            CourseEvent(job.to_bay + job.in_bay // bays + headway, What.RELEASE, "bay"),
             CourseEvent(job.to_bay + job.to_head, What.HOME),
         ]
         self.job = job
@@ -126,7 +128,7 @@ def _courses_of(geometry: Geometry) -> dict[str, list[JobCourse]]:
     headway = round(HEADWAY / layout.machines["carrier"].speed / TIME_STEP)
     courses = {}
     for picker, of_picker in groupby(jobs, lambda job: job.picker):
-        courses[picker] = [JobCourse(job, headway) for job in of_picker]
+        courses[picker] = [JobCourse(job, headway, layout.scenario.bays) for job in of_picker]
     return courses
 
 

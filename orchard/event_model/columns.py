@@ -41,6 +41,8 @@ OP = np.dtype(
         ("arg", np.int64),
         # Of a drive: to stand behind other robots is normal here, and a call ends it.
         ("is_queueing", np.bool_),
+        # Of a drive to the bay: from where on its carrier, if it is held up, unloads; else far.
+        ("unloads_from", np.float64),
         # Of a drive: its robot said that it picks.
         ("picks", np.bool_),
         # Of a picker's drive along the row in which it will leave its bin, seen by that bin: it
@@ -139,6 +141,8 @@ ROBOT = np.dtype(
         # Whether it has no job, once it is back from the load-out: the tick at which it is or was.
         ("is_free", np.bool_),
         ("back", np.int64),
+        # Whether the bay has taken its bin, and unloads it.
+        ("is_taken", np.bool_),
         # Ticks by which it hears later that its bin is empty, because it waited in the bay.
         ("hears_later", np.int64),
         ("is_ready", np.bool_),
@@ -347,6 +351,8 @@ DESK = np.dtype(
         ("truck_bins", np.int64),
         ("trucks", np.int64),
         ("waiting_bins", np.int64),
+        # The bins that it unloads at a time.
+        ("bays", np.int64),
         # The bins that belong to the bay; NONE: there are always empty ones.
         ("bay_bins", np.int64),
         # m: the other sides of the queue.

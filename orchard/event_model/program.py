@@ -7,7 +7,7 @@ job is translated when it is first ordered.
 """
 
 from functools import singledispatchmethod
-from math import floor
+from math import floor, inf
 from threading import RLock
 from typing import Any
 
@@ -278,6 +278,7 @@ class Program:
             last_free=len(self.frees),
             arg=c.NONE if row is None else row,
             is_queueing=step.queueing,
+            unloads_from=sign * step.unloads_from if isinstance(step, st.DriveToBay) else inf,
             picks=writer.state == "picking",
             **self._seen(writer, end, sign),
             **failing(writer),

@@ -182,6 +182,7 @@ def _desk(layout: Layout, program: Program) -> Any:
     desk.trailer_ticks = layout.machines["carrier"].trailer_ticks
     desk.truck_ticks = layout.machines["carrier"].truck_ticks
     desk.truck_bins = scenario.load_out.truck.bins or 0
+    desk.bays = scenario.bays
     desk.bay_bins = scenario.load_out.empty_bins or c.NONE
     desk.free_chargers = max(1, scenario.chargers)
     return desk

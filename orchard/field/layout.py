@@ -22,7 +22,16 @@ from orchard.field.picking import picking_speed_of
 from orchard.field.placement import Start, guests
 from orchard.field.plugins import load_plugin
 from orchard.field.problems import Problem, ScenarioError
-from orchard.field.queue import BAY_STOP, ONE_WAY, QUEUES, USUAL_ROW, Queue, lack_of_room, queue_of
+from orchard.field.queue import (
+    BAY_STOP,
+    CLOSED_UP,
+    ONE_WAY,
+    QUEUES,
+    USUAL_ROW,
+    Queue,
+    lack_of_room,
+    queue_of,
+)
 from orchard.field.rows import Block, rows_to_pickers
 from orchard.field.scenario import Scenario
 from orchard.field.survey import (
@@ -69,6 +78,8 @@ DRIVEWAY = Rect(-34.67 - 15.0, 28.51 - 5.0, -34.67 + 15.0, 28.51 + 5.0)
 
 # The bay at its usual place, at the driveway's south edge. A full bin at rest in it is unloaded.
 BAY = Rect(-34.5, 23.6, -29.5, 25.4)
+# m by which a carrier must be further in, as it measures it, than its bin must.
+INTO_BAY = 0.5
 
 
 @dataclass(frozen=True)
@@ -214,13 +225,26 @@ class Layout:
 
     @cached_property
     def bay(self) -> Rect:
-        """The unloading bay."""
-        return BAY._replace(west=BAY.west + self.scenario.bay, east=BAY.east + self.scenario.bay)
+        """The unloading bay, with all its places."""
+        scenario = self.scenario
+        west = BAY.west + scenario.bay - CLOSED_UP * (scenario.bays - 1)
+        return BAY._replace(west=west, east=BAY.east + scenario.bay)
+
+    @property
+    def bay_edges(self) -> tuple[float, ...]:
+        """x of each edge between two places of the bay, from the east, m."""
+        first = BAY.west + self.scenario.bay
+        return tuple(first - CLOSED_UP * number for number in range(self.scenario.bays - 1))
 
     @property
     def bay_stop(self) -> float:
-        """x of a carrier that unloads, m: its bin stands 1.9 m west of it."""
+        """x of a carrier that unloads at the first place, m: its bin stands 1.9 m west of it."""
         return BAY_STOP + self.scenario.bay
+
+    @property
+    def unloads_from(self) -> float:
+        """x from which a carrier that is held up on its way to `bay_stop` unloads there, m."""
+        return self.bay.west + KINDS["carrier"].tows + INTO_BAY
 
     @cached_property
     def queue(self) -> Queue:

@@ -10,8 +10,8 @@ else it enforces is left out.
   time than there are carriers.
 - A harvest ends when the last carrier stands in the queue, behind the others of its line.
 - With traffic: a place on the roads belongs to one robot, from its gate there until it has left the
-  place and the next one has heard so. A bin is unloaded alone, and the next carrier is then at
-  least `least_headway` behind.
+  place and the next one has heard so. The bay unloads one bin at a time, or as many as it has
+  places; the carrier that comes for the next one is then at least `least_headway` behind.
 """
 
 from collections.abc import Sequence
@@ -87,7 +87,9 @@ def optimum(layout: Layout, work: float = WORK, free_roads: bool = False) -> Opt
         if alone.cut_after_seconds is not None:
             cuts.append(alone.cut_after_seconds)
         carrier = layout.machines["carrier"]
-        schedule.share_roads(ticks(least_headway(carrier) / carrier.speed))
+        headway = ticks(least_headway(carrier) / carrier.speed)
+        schedule.share_roads()
+        schedule.share_bay(headway, layout.scenario.bays)
         schedule.model.add(schedule.end >= least)
     solvers = [_solved(schedule.model, FIRST * work)]
     if (
@@ -229,11 +231,8 @@ class Schedule:
         ]
         self.model.add_cumulative(intervals, [1] * len(intervals), self.carriers)
 
-    def share_roads(self, headway: int) -> None:
-        """Let each place of the roads, and the bay, belong to one robot at a time.
-
-        `headway`: ticks from a carrier that leaves the bay to the next one there.
-        """
+    def share_roads(self) -> None:
+        """Let each place of the roads belong to one robot at a time."""
         occupied: dict[str, list[IntervalVar]] = {}
         for number, job in enumerate(self.jobs):
             for uses, begins in (
@@ -248,12 +247,22 @@ class Schedule:
                     )
                 for at, use, later, other in zip(times, uses, times[1:], uses[1:], strict=False):
                     self.model.add(later >= at + ticks(other.at - use.at))
-        occupied["bay"] = [
-            self.model.new_fixed_size_interval_var(bay, job.in_bay + headway, "")
-            for bay, job in zip(self.bays, self.jobs, strict=True)
-        ]
         for place in occupied.values():
             self.model.add_no_overlap(place)
+
+    def share_bay(self, headway: int, bays: int) -> None:
+        """Let the bay unload no more than so many bins at a time.
+
+        A carrier further back in it counts as if it came to the first place before it unloads.
+        `headway`: ticks from a carrier that leaves the bay to the next one there.
+        """
+        occupied = []
+        for bay, job in zip(self.bays, self.jobs, strict=True):
+            occupied.append(self.model.new_fixed_size_interval_var(bay, job.in_bay + headway, ""))
+        if bays == 1:
+            self.model.add_no_overlap(occupied)
+        else:
+            self.model.add_cumulative(occupied, [1] * len(occupied), bays)
 
     def _place_in_order(self, number: int, at: IntVar, use: Use, begins: Any) -> None:
         """`begins`: the earliest stop, from which on the use's time counts."""

@@ -293,6 +293,10 @@ class PlanExecutor:
         in_full_ticks = max(0.0, abs(remaining) / TIME_STEP - most - SLACK)
         self.hold(int(in_full_ticks / most) + 1)
 
+    def is_held_up(self, blind_to: list[sense.Box]) -> bool:
+        """Whether anything but these boxes is in the way ahead."""
+        return sense.something_ahead(self.seen, blind_to)
+
     @property
     def course(self) -> Course:
         """Where the plan has the robot stand or drive."""

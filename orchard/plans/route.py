@@ -777,8 +777,18 @@ class OneWay:
         return [
             self._along(self.west, "F", lanes, stop=TOP_ROAD, frees=frees),
             st.Face("EAST"),
-            st.DriveTo(x=self.layout.bay_stop),
+            self.to_bay(),
         ]
+
+    def to_bay(self) -> st.DriveTo:
+        """Drive along the top road to the first place of the bay that is free.
+
+        With one place all others wait behind it.
+        """
+        stop = self.layout.bay_stop
+        if self.layout.scenario.bays == 1:
+            return st.DriveTo(x=stop)
+        return st.DriveToBay(x=stop, unloads_from=self.layout.unloads_from)
 
 
 def _once_left(approach: list[Step], full_bin: str, place: str) -> list[Step]:

@@ -146,11 +146,19 @@ class DriveTo(Step, frozen=True):
         remaining = ahead * (limit - here)
         if robot.comes_back(self.blind_to, speed):
             return False
+        if self.ends_at(robot, here):
+            setattr(course, axis, here)
+            robot.hold()
+            return True
         if remaining <= EXACT:
             robot.hold()
             return bool(ahead * (target - here) <= EXACT)
         robot.move(Twist(x=min(speed, remaining / TIME_STEP)), self.blind_to, self.queueing)
         robot.hold(self._ticks(robot, here, ahead, remaining))
+        return False
+
+    def ends_at(self, robot: PlanExecutor, here: float) -> bool:
+        """Whether the robot need not drive on to the target. `here`: its place on the axis, m."""
         return False
 
     def motion(self, start: Pose, machine: Machine) -> tuple[Pose, float]:
@@ -209,6 +217,20 @@ class DriveTo(Step, frozen=True):
                 robot.want(gate.places)
             return gate.at if ahead * (target - gate.at) > 0 else target
         return target
+
+
+class DriveToBay(DriveTo, frozen=True, kw_only=True):
+    """Drive east to the first place of the bay, or as far as is free in it.
+
+    A carrier that is held up further back in the bay has come to a place too, and unloads there.
+    """
+
+    #: x from which on it does, m.
+    unloads_from: float
+
+    def ends_at(self, robot: PlanExecutor, here: float) -> bool:
+        """Whether the robot is held up in the bay."""
+        return here >= self.unloads_from and robot.is_held_up(self.blind_to)
 
 
 class Face(Step, frozen=True):
@@ -807,9 +829,9 @@ if TYPE_CHECKING:
 else:
     # msgspec decodes the steps of a memory: these, and those that `with_steps` adds.
     AnyStep = (
-        Say | DriveTo | Face | Realign | Ahead | MoveTo | Wait | Need | Free | Alone | Deliver
-        | TakeBin | LeaveBin | FetchEmpty | Announce | BeginPickingAt | Fill | Aim | Shift | MayFail
-        | Repair | Unload | Haul | Confirmed | MayCharge | Charge | Charged | Home | Again
+        Say | DriveTo | DriveToBay | Face | Realign | Ahead | MoveTo | Wait | Need | Free | Alone
+        | Deliver | TakeBin | LeaveBin | FetchEmpty | Announce | BeginPickingAt | Fill | Aim | Shift
+        | MayFail | Repair | Unload | Haul | Confirmed | MayCharge | Charge | Charged | Home | Again
     )  # fmt: skip
 
 

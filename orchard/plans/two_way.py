@@ -298,4 +298,4 @@ class TwoWay(OneWay):
         crossing = Gate([CROSSING], self.CROSSING_HOLD)
         frees = [Gate([MERGE], self.MERGE_CLEAR), Gate([CROSSING], self.CROSSING_CLEAR)]
         north = DriveTo(y=TOP_ROAD, needs=[*enter, crossing], frees=[*leave, *frees])
-        return [north, Face("EAST"), DriveTo(x=self.layout.bay_stop)]
+        return [north, Face("EAST"), self.to_bay()]

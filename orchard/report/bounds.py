@@ -71,9 +71,10 @@ class Bounds:
         self.bin_seconds = means.picking + means.crossing + means.waiting
         self.cycle_seconds = means.cycle
         carrier = layout.machines["carrier"]
-        # t_bay, for which one carrier occupies the bay. The next one then moves up into it.
+        # t_bay, for which one carrier occupies the bay. The next one then moves up into it. As many
+        # as have places there unload together; all of them then move up by as many places.
         moving_up = least_headway(carrier) / carrier.speed
-        self.bay_seconds = Unload().ticks(carrier) * TIME_STEP + moving_up
+        self.bay_seconds = Unload().ticks(carrier) * TIME_STEP / scenario.bays + moving_up
         busy = means.cycle + means.charging
         charged = means.charging
         if prefers_near(policy):
@@ -119,8 +120,9 @@ def _terms_of_load_out(layout: Layout) -> dict[str, float]:
         if load_out.empty_bins is not None and load_out.empty_bins < away * bins:
             away = load_out.empty_bins // bins
             early = load_out.empty_bins % bins
-        # Bins are put on a trailer one after another.
-        ticks = carrier.trailer_ticks + (bins - early) * carrier.unloading_ticks
+        # Bins are put on a trailer one after another, or as many together as the bay unloads.
+        together = min(layout.scenario.bays, bins)
+        ticks = carrier.trailer_ticks + (bins - early) * carrier.unloading_ticks / together
         terms["trailers"] = away * bins / (ticks * TIME_STEP)
     if load_out.truck.bins is not None:
         terms["truck"] = load_out.truck.bins / (carrier.truck_ticks * TIME_STEP)

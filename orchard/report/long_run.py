@@ -191,8 +191,10 @@ class _LongRun:
             carriers += figures.rate * figures.carrier_seconds
             chargers += figures.rate * figures.charger_seconds
         closest = inf
-        for before, after in pairwise(self.harvest.deliveries):
-            closest = min(closest, after - before)
+        deliveries = self.harvest.deliveries
+        bays = scenario.bays
+        for before, after in zip(deliveries, deliveries[bays:], strict=False):
+            closest = min(closest, (after - before) / bays)
         # How many times as much as each part can do these rates ask for.
         excess = [
             carriers / scenario.carrier_count,

@@ -192,6 +192,9 @@ def _ground(drawing: Drawing, layout: Layout) -> None:
     drawing.area(orchard, f"fill:{COLOURS['ground']};{fence}")
     drawing.area(DRIVEWAY, f"fill:{COLOURS['driveway']}")
     drawing.area(layout.bay, f"fill:{COLOURS['bay']}")
+    for x in layout.bay_edges:
+        edge = f"stroke:{COLOURS['ground']};stroke-width:2"
+        drawing.line([(x, layout.bay.south), (x, layout.bay.north)], edge)
     for lane in layout.lanes:
         middle = (lane.east + lane.west) / 2
         drawing.box(middle, lane.y, lane.length / 2, 1.0, f"fill:{COLOURS['lane']};opacity:0.6")

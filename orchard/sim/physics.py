@@ -132,20 +132,23 @@ def _content(world: World, bin_: int, row: int) -> str:
 
 
 def _unload(world: World) -> list[Event]:
-    """Unload the bin in the bay for one tick. Return the event if it is empty now.
+    """Unload the bins in the bay for one tick. Return the events that some are empty now.
 
-    One bin is unloaded at a time; it is that which has begun, else the first by index.
+    As many bins are unloaded as the bay takes: those that have begun, then from the first place on.
     """
-    waiting = [i for i in world.full.nonzero()[0].tolist() if _rests_in_bay(world, i)]
-    begun = [i for i in waiting if world.bay_ticks[i] > 0]
-    ticks = int(world.bay_ticks[begun[0]]) if begun else 0
+    in_bay = _bins_in_bay(world)
+    ticks = world.bay_ticks[in_bay].tolist()
     world.bay_ticks[:] = 0
-    if not waiting or not _takes_bins(world):
-        return []
-    bin_ = (begun or waiting)[0]
-    world.bay_ticks[bin_] = ticks + 1
-    if ticks + 1 < world.layout.machines["carrier"].unloading_ticks:
-        return []
+    events = []
+    for bin_, before in list(zip(in_bay, ticks, strict=True))[: _most_taken(world)]:
+        world.bay_ticks[bin_] = before + 1
+        if before + 1 >= world.layout.machines["carrier"].unloading_ticks:
+            events.append(_deliver(world, bin_))
+    return events
+
+
+def _deliver(world: World, bin_: int) -> Event:
+    """Count a bin that is empty now. Return the event."""
     world.delivered_metres += float(world.fill[bin_])
     world.fill[bin_] = 0.0
     world.bay_ticks[bin_] = 0
@@ -155,12 +158,23 @@ def _unload(world: World) -> list[Event]:
     trailers.take(world, is_last=_is_all_unloaded(world))
     stock.take(world)
     carrier = world.layout.names[int(world.coupled[bin_])]
-    return [Event(world.tick, "unloaded", name, carrier, f"bin number {world.delivered}")]
+    return Event(world.tick, "unloaded", name, carrier, f"bin number {world.delivered}")
 
 
-def _takes_bins(world: World) -> bool:
-    """Whether the bay unloads bins: it has an empty one to give, and a trailer if it needs one."""
-    return trailers.is_any_there(world) and stock.is_any_there(world)
+def _bins_in_bay(world: World) -> list[int]:
+    """Return the full bins that rest in the bay, as it takes them: those that have begun, then from
+    its first place, in the east, on.
+    """
+    resting = [bin_ for bin_ in world.full.nonzero()[0].tolist() if _rests_in_bay(world, bin_)]
+    return sorted(resting, key=lambda bin_: (world.bay_ticks[bin_] == 0, -world.pose[bin_, 0]))
+
+
+def _most_taken(world: World) -> int:
+    """Return how many bins the bay unloads at a time: one at each place, if it has an empty one to
+    give for each, and room on a trailer if it needs that.
+    """
+    bays = world.layout.scenario.bays
+    return int(min(bays, trailers.room(world), stock.empty_bins(world)))
 
 
 def _rests_in_bay(world: World, bin_: int) -> bool:
@@ -182,10 +196,10 @@ def is_at_rest(world: World, i: int) -> bool:
 
 
 def keeps_a_bin_waiting(world: World) -> bool:
-    """Whether a full bin stands in the bay, which does not take it."""
-    if _takes_bins(world):
-        return False
-    return any(_rests_in_bay(world, bin_) for bin_ in world.full.nonzero()[0].tolist())
+    """Whether a full bin stands at a place of the bay, which does not take it."""
+    most = _most_taken(world)
+    bays = world.layout.scenario.bays
+    return most < bays and len(_bins_in_bay(world)) > most
 
 
 def is_anything_coming(world: World) -> bool:

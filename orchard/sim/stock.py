@@ -21,11 +21,6 @@ def empty_bins(world: World) -> float:
     return load_out.empty_bins - world.waiting_bins - full_on_trailers
 
 
-def is_any_there(world: World) -> bool:
-    """Whether an empty bin stands at the bay."""
-    return empty_bins(world) > 0
-
-
 def take(world: World) -> None:
     """Count a full bin that was just unloaded, if bins wait at the bay for the truck."""
     if world.layout.machines["carrier"].truck_ticks:

@@ -3,14 +3,20 @@
 Bins go on one trailer at a time: the one that stands at the bay with most of them, else the first.
 """
 
+from math import inf
+
 from orchard.sim.world import World
 
 
-def is_any_there(world: World) -> bool:
-    """Whether a carrier in the bay can unload: a trailer stands there, or none is needed."""
+def room(world: World) -> float:
+    """Return for how many bins the trailers at the bay have room; infinity if none is needed."""
     if not world.layout.machines["carrier"].trailer_ticks:
-        return True
-    return bool((world.trailers[:, 1] <= world.tick).any())
+        return inf
+    load_out = world.layout.scenario.load_out
+    bins = load_out.trailers.bins
+    assert bins is not None
+    at_bay, back, _ = world.trailers.T
+    return int((bins - at_bay[back <= world.tick]).sum())
 
 
 def take(world: World, is_last: bool) -> None:

@@ -14,7 +14,7 @@ from orchard.study.words import counted, interval_words
 REMEDIES = {
     "pickers": "more pickers, shorter shares of rows, or a higher picking_rate",
     "carriers": "more carriers, or faster ones",
-    "unloading": "a shorter time at the bay (handling.unloading)",
+    "unloading": "a shorter time at the bay (handling.unloading), or more places there (bays)",
     "chargers": "more chargers",
     "trailers": "more trailers, or a shorter way to the load-out",
     "truck": "a truck that comes more often, or takes more bins",

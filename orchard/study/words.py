@@ -24,6 +24,7 @@ COUNTED = (
     "rows",
     "pickers",
     "carriers",
+    "bays",
     "people.workers",
     "people.visitors",
     "animals.dogs",
@@ -87,6 +88,8 @@ def _machine_words(scenario: Scenario) -> dict[str, str]:
         "handling.coupling": f"{handling.coupling:g} s to couple a bin",
         "handling.uncoupling": f"{handling.uncoupling:g} s to uncouple it",
     }
+    if scenario.bays > 1:
+        words["bays"] = f"{scenario.bays} carriers unload at a time"
     if handling.exchange:
         words["handling.exchange"] = f"{handling.exchange:g} s with the empty bin"
     return words | _load_out_words(scenario)

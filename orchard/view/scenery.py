@@ -235,15 +235,19 @@ def _lawn(layout: Layout) -> list[Part]:
 
 
 def _bay(layout: Layout) -> list[Part]:
-    """Return the lines that are painted around the bay."""
+    """Return the lines that are painted around the bay, and between its places."""
     west, south, east, north = layout.bay
     width = 0.15
     z = DRIVEWAY_Z + 0.12
+    between = []
+    for x in layout.bay_edges:
+        between.append(_slab(Rect(x, south, x + width, north), z, palette.PAINT))
     return [
         _slab(Rect(west, south, east, south + width), z, palette.PAINT),
         _slab(Rect(west, north - width, east, north), z, palette.PAINT),
         _slab(Rect(west, south, west + width, north), z, palette.PAINT),
         _slab(Rect(east - width, south, east, north), z, palette.PAINT),
+        *between,
     ]
 
 

@@ -295,7 +295,7 @@ def test_limit_and_proof_keep_one_distance_in_the_bay(speed, monkeypatch):
     """A carrier that drives in long steps stops nearer to the one ahead."""
     layout = lay_out(Scenario(rows=3, pickers=2, carriers=2, carrying={"speed": speed}))
     kept = []
-    monkeypatch.setattr(Schedule, "share_roads", lambda self, headway: kept.append(headway))
+    monkeypatch.setattr(Schedule, "share_bay", lambda self, headway, bays: kept.append(headway))
     optimum(layout, work=0.1)
     carrier = layout.machines["carrier"]
     moving_up = Bounds(layout).bay_seconds - Unload().ticks(carrier) * TIME_STEP

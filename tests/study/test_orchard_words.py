@@ -22,3 +22,9 @@ def test_the_answer_says_when_the_truck_comes() -> None:
     truck = {"truck": {"every": 300.0, "bins": 2}, "empty_bins": 2}
     words = orchard_words(Scenario.model_validate({"load_out": truck}))
     assert "a truck every 300 s, 2 bins on it, 2 empty bins at the bay" in words
+
+
+def test_the_answer_says_how_many_carriers_unload_at_a_time() -> None:
+    assert "2 carriers unload at a time" in orchard_words(Scenario(bays=2))
+    assert "unload at a time" not in orchard_words(Scenario())
+    assert "unload at a time" not in orchard_words(Scenario(bays=2), varied=["bays"])

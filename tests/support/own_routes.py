@@ -3,7 +3,7 @@ finds.
 """
 
 from orchard import OneWay, Say, Wait
-from orchard.plans.steps import Ahead, MoveTo, Repair
+from orchard.plans.steps import Ahead, DriveTo, MoveTo, Repair
 from orchard.plans.two_way import TwoWay
 
 
@@ -31,6 +31,14 @@ class Onward(TwoWay):
         *plan, last = super().harvest(block)
         end = self.east.x(self.PARKED)
         return [*plan, last, Ahead(1.5), Repair(400.0), MoveTo(end, self.layout.top + 1.0)]
+
+
+class OnePlace(OneWay):
+    """It knows one place at the bay."""
+
+    def go_to_bay(self, lane, side):
+        *way, _ = super().go_to_bay(lane, side)
+        return [*way, DriveTo(x=self.layout.bay_stop)]
 
 
 class Farther(OneWay):

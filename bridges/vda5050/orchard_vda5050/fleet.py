@@ -120,6 +120,11 @@ def vehicles(layout: Layout, names: Collection[str]) -> dict[str, Agent]:
             "load_out: fleet control knows no way from the bay to a load-out; leave load_out out,"
             " or the carriers to the run"
         )
+    if "carrier" in map(kind_of, names) and layout.scenario.bays > 1:
+        raise ValueError(
+            f"bays {layout.scenario.bays}: fleet control knows one place at the bay; leave bays"
+            " out, or the carriers to the run"
+        )
     is_dispatch_elsewhere = DISPATCH in layout.agents and DISPATCH not in names
     if is_dispatch_elsewhere and "carrier" in map(kind_of, names):
         raise ValueError(

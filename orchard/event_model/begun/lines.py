@@ -63,7 +63,7 @@ class LinesOfRobots:
             elif kind in TAKES:
                 has_bin = True
             elif kind == c.DRIVE:
-                self._arrive(on_line, op, float(self._ops.target[op]))
+                self._arrive(on_line, op, self._end_of(op, me))
             elif kind == c.TURN:
                 self._swing(on_line, me, has_bin)
         if me.kind == c.TURN:
@@ -88,6 +88,14 @@ class LinesOfRobots:
         return float(self._sign[line]) * (x if self._axis[line] == 0 else y)
 
     # -- what was before
+
+    def _end_of(self, op: int, me: Doing) -> float:
+        """Return where a drive that a robot has done has led to, along its line, m."""
+        target = float(self._ops.target[op])
+        if np.isinf(self._ops.unloads_from[op]):
+            return target
+        # A carrier may stand at a place of the bay before it.
+        return min(target, self._along(int(self._ops.line[op]), me.pose.x, me.pose.y))
 
     def _left_at(self, on_line: OnLine, op: int, begun: float) -> float:
         """Return where a robot that began a drive had left the line before it, along the drive."""

@@ -12,7 +12,7 @@ from orchard.event_model import codes as c
 from orchard.event_model.begun.claims import Claims
 from orchard.event_model.begun.moment import RunMoment
 from orchard.event_model.harvest import EventHarvest
-from orchard.event_model.kernel.bay import later, taken_from
+from orchard.event_model.kernel.bay import later
 from orchard.event_model.kernel.roads import NEAR
 from orchard.event_model.plain import as_python
 from orchard.event_model.program import Program
@@ -42,6 +42,7 @@ class Ops:
         rows = program.ops.array.view(np.ndarray)
         self.kind = rows["kind"]
         self.target = rows["target"]
+        self.unloads_from = rows["unloads_from"]
         self.metres = rows["metres"]
         self.speed = rows["speed"]
         self.seconds = rows["seconds"]
@@ -432,10 +433,13 @@ class Robots:
             return
         rests = me.memory.since + BIN_FOLLOWS
         unloaded = int(self.moment.world.bay_ticks[body])
-        if unloaded:
-            taken = self.tick - unloaded
-        else:
-            taken = as_python(taken_from)(self._harvest.model, max(self.tick, rests))
+        me.more["asked"] = me.memory.since
+        me.more["is_taken"] = unloaded > 0
+        if not unloaded:
+            # It looks whether the bay takes its bin.
+            self._last(me, rests)
+            return
+        taken = self.tick - unloaded
         ticks = int(self.ops.ticks[me.op])
         me.more["hears_later"] = as_python(later)(ticks, taken - rests)
         self._last(me, taken - BIN_FOLLOWS + ticks)

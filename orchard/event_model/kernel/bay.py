@@ -4,6 +4,7 @@ bins from it, and bring empty ones.
 
 from orchard.event_model import codes as c
 from orchard.event_model.kernel.compiled import inner
+from orchard.event_model.kernel.handling import deliver
 from orchard.event_model.kernel.motion import set_alarm
 from orchard.event_model.kernel.places import tick_of
 from orchard.field.ticks import BIN_FOLLOWS
@@ -12,15 +13,69 @@ from orchard.plans.robot import PATIENCE
 
 @inner
 def unload(m, carrier):
-    """Begin to unload a bin, once the bay takes it."""
+    """Stand in the bay, and look whether it takes the bin once that rests. Return that the op is
+    not done.
+    """
     me = m.robots[carrier]
-    op = m.ops[me.op]
     me.state = c.LASTING
-    rests = tick_of(m) + BIN_FOLLOWS
-    waits = taken_from(m, rests) - rests
-    me.hears_later = later(op.ticks, waits)
-    set_alarm(m, carrier, waits + op.ticks)
+    me.is_taken = False
+    me.asked = tick_of(m)
+    if is_bay_endless(m):
+        take_in(m, carrier, me.asked + BIN_FOLLOWS)
+    else:
+        set_alarm(m, carrier, BIN_FOLLOWS)
     return False
+
+
+@inner
+def go_on_unloading(m, carrier):
+    """Look whether the bay takes the bin now, or deliver it. Return whether that is done."""
+    me = m.robots[carrier]
+    if me.is_taken:
+        deliver(m)
+        take_over(m)
+        return True
+    tick = tick_of(m)
+    if bins_before(m, carrier) < most_taken(m, tick):
+        take_in(m, carrier, tick)
+    else:
+        m.timers[c.WAKE, carrier] = next_change(m, carrier, tick)
+    return False
+
+
+@inner
+def take_in(m, carrier, tick):
+    """Let the bay unload a carrier's bin from a tick on."""
+    me = m.robots[carrier]
+    ticks = m.ops[me.op].ticks
+    me.is_taken = True
+    me.hears_later = later(ticks, tick - me.asked - BIN_FOLLOWS)
+    set_alarm(m, carrier, tick - BIN_FOLLOWS + ticks - tick_of(m))
+
+
+@inner
+def is_bay_endless(m):
+    """Whether no bin ever waits in the bay: it needs no trailer, and has always an empty bin."""
+    return len(m.trailers) == 0 and m.desk[0].bay_bins == c.NONE
+
+
+@inner
+def bins_before(m, carrier):
+    """Return how many bins the bay unloads, or takes before that of a carrier: those that stand
+    further on in it.
+    """
+    bins = 0
+    for other in range(len(m.robots)):
+        if is_unloading(m, other) and m.robots[other].x > m.robots[carrier].x:
+            bins += 1
+    return bins
+
+
+@inner
+def is_unloading(m, robot):
+    """Whether a robot stands in the bay with a bin that is unloaded, or waits for that."""
+    me = m.robots[robot]
+    return me.state == c.LASTING and m.ops[me.op].kind == c.UNLOAD
 
 
 @inner
@@ -32,22 +87,39 @@ def later(ticks, waits):
 
 
 @inner
-def taken_from(m, tick):
-    """Return the first tick, from `tick` on, at which the bay takes a bin: with a trailer there, if
-    it needs one, and an empty bin.
+def most_taken(m, tick):
+    """Return how many bins the bay unloads together at a tick: one at each place, with an empty bin
+    for each, and room on a trailer if it needs that.
     """
     desk = m.desk[0]
+    most = desk.bays
     if len(m.trailers) > 0:
-        tick = max(tick, m.trailers[next_trailer(m, tick)].back)
-    if desk.bay_bins == c.NONE or empty_bins(m, tick) > 0:
-        return tick
-    if desk.truck_ticks > 0:
-        return (tick // desk.truck_ticks + 1) * desk.truck_ticks
-    soonest = c.NEVER
+        room = 0
+        for trailer in range(len(m.trailers)):
+            if m.trailers[trailer].back <= tick:
+                room += desk.trailer_bins - m.trailers[trailer].bins
+        most = min(most, room)
+    if desk.bay_bins != c.NONE:
+        most = min(most, empty_bins(m, tick))
+    return most
+
+
+@inner
+def next_change(m, carrier, tick):
+    """Return the time after a tick at which the bay may take more bins: a trailer is back, the
+    truck comes, or a bin before that of a carrier is empty.
+    """
+    desk = m.desk[0]
+    soonest = c.NEVER // c.QUARTERS
     for trailer in range(len(m.trailers)):
         if m.trailers[trailer].back > tick:
             soonest = min(soonest, m.trailers[trailer].back)
-    return soonest
+    if desk.truck_ticks > 0:
+        soonest = min(soonest, (tick // desk.truck_ticks + 1) * desk.truck_ticks)
+    for other in range(len(m.robots)):
+        if other != carrier and is_unloading(m, other):
+            soonest = min(soonest, m.timers[c.WAKE, other] // c.QUARTERS + 1)
+    return c.QUARTERS * soonest
 
 
 @inner

@@ -94,12 +94,35 @@ def stand_for(m, robot):
 @inner
 def go_on_alone(m, robot):
     """Drive on after a meeting. Return whether the drive is done."""
+    end_meeting(m, robot)
+    return drive_on(m, robot)
+
+
+@inner
+def end_meeting(m, robot):
+    """Know where the next meeting is."""
     me = m.robots[robot]
     me.meetings += 1
     me.meeting = me.here + m.encounters[robot, me.meetings].metres
     if me.meetings == m.encounters.shape[1] - 1:
         m.desk[0].lacks_draws = True
-    return drive_on(m, robot)
+
+
+@inner
+def is_in_bay(m, robot):
+    """Whether a carrier that is held up has come to a place of the bay, and unloads there."""
+    me = m.robots[robot]
+    return me.here >= m.ops[me.op].unloads_from - NEAR
+
+
+@inner
+def end_drive(m, robot):
+    """Stand where the drive ends, or the robot fails. Return whether the drive is done."""
+    me = m.robots[robot]
+    me.clear = me.meeting - me.here
+    if me.fails:
+        fail(m, robot)
+    return not me.fails
 
 
 @inner
@@ -137,6 +160,10 @@ def drive_on(m, robot):
                 stop_short(m, robot, me.here)
             return True
         if me.here > me.meeting - NEAR:
+            if is_in_bay(m, robot):
+                end_meeting(m, robot)
+                me.stood = tick_of(m)
+                return end_drive(m, robot)
             stand_for(m, robot)
             return False
         free_passed(m, robot)
@@ -164,12 +191,9 @@ def drive_on(m, robot):
         if me.bin != c.NONE and me.leg_ended == me.stood:
             # Its bin runs on for a tick, and who stands behind that drives a step.
             tell_followers(m, robot, m.desk[0].now + c.QUARTERS * NOTICED)
-        if me.stop - me.here <= NEAR:
-            me.clear = me.meeting - me.here
-            if me.fails:
-                fail(m, robot)
-            return not me.fails
         is_held_up = ahead != c.NONE and free_to <= me.here + NEAR
+        if me.stop - me.here <= NEAR or (is_held_up and is_in_bay(m, robot)):
+            return end_drive(m, robot)
         stand(m, robot, ahead if is_held_up else c.NONE)
         return False
 

@@ -53,7 +53,7 @@ from orchard.event_model.kernel.batteries import (
     may_charge,
     park,
 )
-from orchard.event_model.kernel.bay import take_over, unload
+from orchard.event_model.kernel.bay import go_on_unloading, unload
 from orchard.event_model.kernel.calls import (
     asks_python,
     asks_ways,
@@ -84,7 +84,6 @@ from orchard.event_model.kernel.handling import (
     await_taken,
     come_home,
     couple,
-    deliver,
     hand_over,
     handle,
     hear_of_bin,
@@ -271,9 +270,10 @@ def go_on(m, robot):
     if state == c.DRIVING:
         end_leg(m, robot)
     if is_flat(m, robot):
-        if state == c.LASTING and m.ops[me.op].kind == c.UNLOAD:
-            # The bay takes the bin of a carrier that cannot leave it.
-            end_lasting(m, robot)
+        # The bay takes the bin of a carrier that cannot leave it.
+        is_in_bay = state == c.LASTING and m.ops[me.op].kind == c.UNLOAD
+        if is_in_bay and not end_lasting(m, robot):
+            return False
         return stop_flat(m, robot)
     if state == c.DRIVING or state == c.STANDING:
         return drive_on(m, robot)
@@ -314,15 +314,14 @@ def go_on(m, robot):
 
 @inner
 def end_lasting(m, robot):
-    """End an op that lasts for a fixed time."""
+    """End an op that lasts for a time, if it is over. Return whether it is."""
     me = m.robots[robot]
     kind = m.ops[me.op].kind
     if kind == c.TURN:
         me.stood = tick_of(m)
         me.swings_since = c.NEVER
     elif kind == c.UNLOAD:
-        deliver(m)
-        take_over(m)
+        return go_on_unloading(m, robot)
     return True
 
 

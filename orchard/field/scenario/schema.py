@@ -115,6 +115,11 @@ CHARGERS = (
 # What `survey` decides.
 SURVEYED = ("rows", "row_length", "row_width")
 
+BAYS = (
+    "number of carriers that unload at a time: those behind the first one do it where they stand"
+    " in its line"
+)
+
 
 class Scenario(Section):
     """An orchard with its robots, people, animals and weeds. Figures: docs/reference.md."""
@@ -223,6 +228,7 @@ class Scenario(Section):
         ),
         CHOICE,
     ] = 0.0
+    bays: Annotated[int, Field(ge=1, le=3, description=BAYS), CHOICE] = 1
     shift: Annotated[
         WorkShift, Field(description="the working day; it changes no run"), CIRCUMSTANCE
     ] = WorkShift()

@@ -71,20 +71,20 @@ def _calibrate(chosen: CalibrationOptions) -> None:
 
 def _read(chosen: CalibrationOptions) -> _Evidence:
     """Read the log, and the user's scenario if there is one."""
-    given = None
-    given_file = ""
+    users_scenario = None
+    users_file = ""
     shift = WorkShift()
     if chosen.on is not None:
-        given = load_or_shipped(chosen.on)
-        given_file = printable(str(chosen.on))
-        shift = given.shift
+        users_scenario = load_or_shipped(chosen.on)
+        users_file = printable(str(chosen.on))
+        shift = users_scenario.shift
     if chosen.out is not None:
         check_writable(chosen.out, chosen.log, SCENARIO)
     log = read_log(chosen.log)
     logged = bins_of(log, shift)
     if not logged.bins:
         raise ScenarioError([Problem(log.file, "has no full bin; must have lines with full")])
-    orchard = orchard_of(log, logged.bins, given, given_file)
+    orchard = orchard_of(log, logged.bins, users_scenario, users_file)
     return _Evidence(log, replace(logged, bins=orchard.bins), orchard)
 
 

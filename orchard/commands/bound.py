@@ -71,10 +71,10 @@ def print_bound(chosen: BoundOptions) -> None:
         rule: optimum(lay_out(with_changes(scenario, rows_to_pickers=rule)), chosen.work)
         for rule in rules
     }
-    for rule, found in optima.items():
-        print_line(f"{rule} rows: {_optimum_words(found)}")
-    proven = min(found.proven_seconds for found in optima.values())
-    best = min(found.best_seconds for found in optima.values())
+    for rule, solved in optima.items():
+        print_line(f"{rule} rows: {_optimum_words(solved)}")
+    proven = min(solved.proven_seconds for solved in optima.values())
+    best = min(solved.best_seconds for solved in optima.values())
     if chosen.all_rules:
         print_line(f"With any of these rules no harvest is shorter than {clock(proven)}.")
     limit = limit_of_question(scenario)
@@ -94,21 +94,21 @@ def _limit_words(limit: Bounds) -> str:
     )
 
 
-def _optimum_words(found: "Optimum") -> str:
+def _optimum_words(solved: "Optimum") -> str:
     """Return the bound for one rule, and how near a schedule comes to it, in words."""
-    if found.gap:
-        schedule = f"and the best schedule found takes {100 * found.gap:.1f} % longer"
+    if solved.gap:
+        schedule = f"and the best schedule found takes {100 * solved.gap:.1f} % longer"
     else:
         schedule = "and a schedule takes as long"
     words = (
-        f"no harvest of these {found.bins} bins is shorter than "
-        f"{clock(found.proven_seconds)}, {schedule}"
+        f"no harvest of these {solved.bins} bins is shorter than "
+        f"{clock(solved.proven_seconds)}, {schedule}"
     )
-    if found.cut_after_seconds is None:
+    if solved.cut_after_seconds is None:
         return words
     return (
         f"{words}; the search was cut by the clock, "
-        f"after {found.cut_after_seconds:.0f} s,"
+        f"after {solved.cut_after_seconds:.0f} s,"
         " and a faster machine may prove more"
     )
 
@@ -130,6 +130,6 @@ def _summary(
         "gap": best / proven - 1.0,
         "limit_bins_per_hour": limit.bins_per_hour,
         "bottleneck": limit.bottleneck,
-        "rows_to_pickers": {rule: asdict(found) for rule, found in optima.items()},
+        "rows_to_pickers": {rule: asdict(solved) for rule, solved in optima.items()},
         "scenario": scenario.model_dump(),
     }

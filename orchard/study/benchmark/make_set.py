@@ -51,7 +51,7 @@ def _tried(layout: Layout) -> Iterator[KnownSchedule]:
             yield from _schedule(layout, policy, asked.is_early, asked.orders)
     bins = {}
     for picker, block in layout.blocks.items():
-        bins[picker] = sum(one.leaves_bin for one in layout.passes(block))
+        bins[picker] = sum(row_pass.leaves_bin for row_pass in layout.passes(block))
     if orders_of(bins) > MOST_ENUMERATED:
         return
     found_by = f"all orders of {sum(bins.values())} bins"

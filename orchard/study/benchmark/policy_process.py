@@ -113,13 +113,13 @@ def _harvest(scenario: Scenario, questions: BinaryIO, answers: BinaryIO) -> None
         answers.write(answer)
 
 
-def _limit(what: int, most: int, beyond: int = 0) -> None:
+def _limit(resource_kind: int, most: int, beyond: int = 0) -> None:
     """Limit what this process may use of something. `beyond`: until the system ends it."""
     # The system may allow less already.
-    _, allowed = resource.getrlimit(what)
+    _, allowed = resource.getrlimit(resource_kind)
     if allowed != resource.RLIM_INFINITY:
         most = min(most, allowed - beyond)
-    resource.setrlimit(what, (most, most + beyond))
+    resource.setrlimit(resource_kind, (most, most + beyond))
 
 
 def _drop_rights() -> None:

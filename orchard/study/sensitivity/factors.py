@@ -120,7 +120,7 @@ def _usual_factors(scenario: Scenario) -> Iterator[Factor]:
     taken: list[str] = []
     for key, share in SHARES.items():
         value = _known_value(scenario, key)
-        is_other_way = any(other in taken for other in other_ways(key))
+        is_other_way = any(spelling in taken for spelling in other_ways(key))
         if value is None or is_other_way or not _has_effect(scenario, key):
             continue
         least, most = _limits(key)

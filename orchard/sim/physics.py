@@ -165,8 +165,12 @@ def _bins_in_bay(world: World) -> list[int]:
     """Return the full bins that rest in the bay, as it takes them: those that have begun, then from
     its first place, in the east, on.
     """
+
+    def turn(bin_: int) -> tuple[bool, float]:
+        return world.bay_ticks[bin_] == 0, -world.pose[bin_, 0]
+
     resting = [bin_ for bin_ in world.full.nonzero()[0].tolist() if _rests_in_bay(world, bin_)]
-    return sorted(resting, key=lambda bin_: (world.bay_ticks[bin_] == 0, -world.pose[bin_, 0]))
+    return sorted(resting, key=turn)
 
 
 def _most_taken(world: World) -> int:

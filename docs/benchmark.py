@@ -4,16 +4,15 @@
 `python examples/learning_curves.py` how a policy learns.
 """
 
-import io
 import json
 import re
 from pathlib import Path
 from statistics import fmean
 
-import matplotlib
 import msgspec
 from matplotlib.figure import Figure
 
+from docs.svg import svg_of
 from orchard.study.benchmark.scores import BenchmarkResult
 
 PAGE = Path(__file__).with_name("benchmark.md")
@@ -64,7 +63,7 @@ def picture() -> str:
     axes.set_xlabel("score, %: proven time as a share of the harvest's; a dot is an orchard")
     axes.set_xlim(right=100.0)
     axes.spines[["top", "right"]].set_visible(False)
-    return _svg(drawing)
+    return svg_of(drawing)
 
 
 def learning_picture() -> str:
@@ -73,9 +72,9 @@ def learning_picture() -> str:
     drawing = Figure(figsize=(8.6, 3.6), layout="constrained")
     axes = drawing.subplots()
     for points in measured["curves"].values():
-        minutes = [60.0 * at for at, _, _ in points]
+        seconds = [60.0 * at for at, _, _ in points]
         scores = [100.0 * score for _, _, score in points]
-        axes.plot(minutes, scores, color=DOT, marker="o", markersize=3.0, linewidth=1.2)
+        axes.plot(seconds, scores, color=DOT, marker="o", markersize=3.0, linewidth=1.2)
     for policy, color in BESIDE.items():
         score = 100.0 * test_score(policy)
         axes.axhline(score, color=color, linewidth=1.0, linestyle="--")
@@ -83,17 +82,9 @@ def learning_picture() -> str:
     axes.set_xlabel("seconds of learning, of one core; a line is a seed")
     axes.set_ylabel("score in the test split, %")
     axes.spines[["top", "right"]].set_visible(False)
-    return _svg(drawing)
+    return svg_of(drawing)
 
 
 def test_score(policy: str) -> float:
     """Return the score of a policy in the orchards for the test, 0 to 1."""
     return fmean(one.score for one in result().of(policy) if one.orchard.endswith("-test"))
-
-
-def _svg(drawing: Figure) -> str:
-    """Return a drawing as SVG: the same one each time."""
-    written = io.StringIO()
-    with matplotlib.rc_context({"svg.hashsalt": "benchmark", "svg.fonttype": "path"}):
-        drawing.savefig(written, format="svg", metadata={"Date": None})
-    return written.getvalue()

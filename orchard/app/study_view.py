@@ -15,7 +15,7 @@ from orchard.app.own_classes import CHOICES
 from orchard.app.study_run import BUDGET_LABEL, DEADLINE_LABEL, Studies, StudyRun
 from orchard.field.scenario import Scenario, check, with_changes
 from orchard.study.result import StudyResult
-from orchard.study.table import legend, words
+from orchard.study.table import heads_and_lines, legend
 from orchard.study.words import setting_words
 
 # Between two pictures.
@@ -259,7 +259,7 @@ class StudyView:
 
     def _show_table(self, result: StudyResult) -> None:
         """Add the table of an answer. A button in each line sets the form to its setting."""
-        heads, lines = words(result)
+        heads, lines = heads_and_lines(result)
 
         def add_button(number: int) -> None:
             use = button(

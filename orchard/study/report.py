@@ -12,7 +12,7 @@ from orchard.field.scenario import check, to_yaml
 from orchard.report.summary import clock
 from orchard.study.picture import inline_svg
 from orchard.study.result import StudyResult
-from orchard.study.table import legend, payment_lines, words
+from orchard.study.table import heads_and_lines, legend, payment_lines
 from orchard.study.words import GOALS, key_words, value_words
 
 HORIZONS = {
@@ -37,7 +37,7 @@ def document(result: StudyResult) -> str:
 
     All words are escaped.
     """
-    heads, lines = words(result)
+    heads, lines = heads_and_lines(result)
     environment = Environment(
         loader=PackageLoader("orchard.study", "."),
         autoescape=True,

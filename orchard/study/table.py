@@ -29,134 +29,37 @@ MARKS: dict[Standing, str] = {
     "alone": "",
     "jammed": "",
 }
-OF_MARKS = (
-    "* the {answer}; = within {within:g} % of the best, for certain; ? the runs do not tell. "
+# Sentences of the legend.
+LEGEND_OF_MARKS = (
+    "* the {answer}; = within {within:g} % of the best, for certain; ? the runs do not tell."
 )
-OF_RUNS = (
-    "{runs} of each by the {model}, on the same seeds; ± interval of {confidence:g} % confidence. "
+LEGEND_OF_RUNS = (
+    "{runs} of each by the {model}, on the same seeds; ± interval of {confidence:g} % confidence."
 )
-OF_BEHIND = "behind: the best mean{given}, which has -. "
-OF_DEADLINE = (
+LEGEND_OF_BEHIND = "behind: how far behind the best mean{given}, which has -."
+LEGEND_OF_DEADLINE = (
     "* the answer; ? not decided; in time: harvests that were done {deadline}, of those that were "
-    "run by the {model}, on the same seeds; ± interval of {confidence:g} % confidence. "
+    "run by the {model}, on the same seeds; ± interval of {confidence:g} % confidence."
 )
-OF_COLUMNS = (
+LEGEND_OF_COLUMNS = (
     "wait: of a picker that stands at its row's end, for an empty bin. "
     "busy: carriers outside the queue. bound: the limit without traffic, and what sets it."
 )
-DRAWN = " bins/h: in rows that take their mean times, which the bound is of."
-OPTIMUM = (
-    " optimum: no harvest without traffic is shorter, which is proven; "
-    "and how far above it this one is."
+LEGEND_OF_RATES = "bins/h: as if each row took its mean time, as in the bound."
+LEGEND_OF_OPTIMUM = (
+    "optimum: the proven shortest harvest without traffic, and by how much this one is longer."
 )
-CHECKED = " checked: by the simulator."
+LEGEND_OF_CHECK = "checked: by the simulator."
 MODELS: dict[Model, str] = {"fast": "fast model", "full": "simulator"}
 # Columns that are left out if they have nothing in any row.
 ONLY_IF_KNOWN = ("harvest, s", "in time", "a bin", "optimum, s", "checked")
 # Columns that are known of a setting of which all runs jammed.
-OF_JAMMED = ("bins/h", "bound", "limit", "checked")
+KNOWN_OF_JAMMED = ("bins/h", "bound", "limit", "checked")
 # Columns in which cells wrap where the terminal is narrow.
 WRAPPED = ("bins/h", "harvest, s", "a bin", "behind, %", "bound", "optimum, s", "checked")
 
 
-def words(result: StudyResult) -> tuple[list[str], list[list[str]]]:
-    """Return the heads of the columns, and the lines. `legend` explains their marks."""
-    columns: dict[str, list[str]] = {}
-    for key in result.compared:
-        columns[key_words(key)] = [value_words(row.setting[key], key) for row in result.table]
-    unasked = _unasked(result)
-    for head in COLUMNS:
-        cells = [_cell(head, row) for row in result.table]
-        has_content = head not in ONLY_IF_KNOWN or set(cells) != {NONE}
-        if head not in unasked and has_content:
-            columns[head] = cells
-    lines = []
-    for row, cells_of_row in zip(result.table, zip(*columns.values(), strict=True), strict=True):
-        first, *others = cells_of_row
-        lines.append([f"{first} {MARKS[row.standing]}".rstrip(), *others])
-    return list(columns), lines
-
-
-def legend(result: StudyResult) -> str:
-    """Return what the marks, the intervals and the columns mean."""
-    count = max((row.replications for row in result.table), default=0)
-    model = result.table[0].model if result.table else "fast"
-    has_choices = _has_choices(result)
-    of_given = _given(result)
-    texts = {
-        "within": 100.0 * result.within,
-        "confidence": 100.0 * result.confidence,
-        "runs": "1 run" if count == 1 else f"{count} runs",
-        "model": MODELS[model],
-        "deadline": result.deadline,
-        "answer": f"best for each {of_given}" if of_given else "answer",
-        "given": f" for the same {of_given}" if of_given else "",
-    }
-    parts = [OF_RUNS]
-    if result.deadline:
-        parts = [OF_DEADLINE]
-    elif has_choices:
-        parts = [OF_MARKS, OF_RUNS, OF_BEHIND]
-    parts.append(OF_COLUMNS)
-    if _are_rows_drawn(result):
-        parts.append(DRAWN)
-    if any(row.proven_seconds for row in result.table):
-        parts.append(OPTIMUM)
-    if any(row.check for row in result.table):
-        parts.append(CHECKED)
-    return "".join(parts).format(**texts)
-
-
-def as_table(result: StudyResult) -> Table:
-    """Return the table for a terminal of 80 characters and more.
-
-    Some cells wrap where the terminal is narrow.
-    """
-    heads, lines = words(result)
-    table = Table(
-        box=SIMPLE_HEAD, padding=0, show_edge=False, caption=legend(result), caption_justify="left"
-    )
-    for head in heads:
-        table.add_column(
-            head.replace(", ", "\n"),
-            no_wrap=head in COLUMNS and head not in WRAPPED,
-            overflow="fold",
-        )
-    for line, row in zip(lines, result.table, strict=True):
-        table.add_row(*map(escape, line), style="bold" if row.standing == "best" else "")
-    return table
-
-
-def _are_rows_drawn(result: StudyResult) -> bool:
-    """Whether the seed draws in some settings how fast rows or pickers are."""
-    picking = result.scenario.get("picking", {})
-    distributions = set[str]()
-    for name in ("spread", "spread_of_pickers"):
-        distributions.add(picking.get(name, {}).get("distribution", "none"))
-        distributions.update(result.varied.get(f"picking.{name}.distribution", []))
-    return distributions != {"none"}
-
-
-def _has_choices(result: StudyResult) -> bool:
-    """Whether the settings are compared, and not only shown beside each other."""
-    return all(row.standing != "alone" for row in result.table)
-
-
-def _given(result: StudyResult) -> str:
-    """Return the keys for each value of which the best setting is wanted."""
-    return " and ".join(map(key_words, result.given))
-
-
-def _unasked(result: StudyResult) -> list[str]:
-    """The columns that tell nothing new.
-
-    They are a harvest's length if the goal is its rate, and how far behind a setting alone is.
-    """
-    if result.deadline:
-        return ["behind, %"]
-    length = ["harvest, s"] if result.goal == "bins_per_hour" else []
-    is_compared = len(result.table) > 1 and _has_choices(result)
-    return length if is_compared else [*length, "behind, %"]
+# -- the cells of a row
 
 
 def _harvest(row: Row) -> str:
@@ -165,7 +68,7 @@ def _harvest(row: Row) -> str:
 
 
 def _rate(row: Row) -> str:
-    """Return the bins an hour, if no run jammed."""
+    """Return the bins an hour; "jammed" if all runs jammed."""
     return _interval(row.bins_per_hour) or "jammed"
 
 
@@ -194,16 +97,8 @@ def _limit(row: Row) -> str:
     return row.bottleneck
 
 
-def _cell(head: str, row: Row) -> str:
-    """Return the cell of a row in a column."""
-    has_jammed = row.bins_per_hour is None
-    if has_jammed and head not in OF_JAMMED:
-        return NONE
-    return COLUMNS[head](row) or NONE
-
-
 def _behind(row: Row) -> str:
-    """How far behind the best mean a setting is, in percent, to a tenth; '' of the best mean."""
+    """Return how far behind the best mean a setting is, %, to a tenth; "" for the best one."""
     if row.behind is None:
         return ""
     figure = f"{100.0 * row.behind:.1f}"
@@ -223,10 +118,15 @@ def _interval(interval: Interval | None) -> str:
 
 def _share_of_bound(row: Row) -> str:
     """Return which share of its bound a setting reaches; "" if all of its runs jammed."""
+    share = _share(row)
+    return "" if share is None else f" ({100.0 * share:.0f}%)"
+
+
+def _share(row: Row) -> float | None:
+    """Return the rate as a share of the bound; None if all runs jammed."""
     if row.bins_per_hour is None:
-        return ""
-    share = row.bins_per_hour.mean / row.bound_bins_per_hour
-    return f" ({100.0 * share:.0f}%)"
+        return None
+    return row.bins_per_hour.mean / row.bound_bins_per_hour
 
 
 def _proven(row: Row) -> str:
@@ -265,6 +165,119 @@ COLUMNS: dict[str, Callable[[Row], str]] = {
 }
 
 
+# -- the table, and what its marks mean
+
+
+def heads_and_lines(result: StudyResult) -> tuple[list[str], list[list[str]]]:
+    """Return the heads of the columns, and the lines. `legend` explains their marks."""
+    columns: dict[str, list[str]] = {}
+    for key in result.compared:
+        columns[key_words(key)] = [value_words(row.setting[key], key) for row in result.table]
+    unasked = _unasked(result)
+    for head in COLUMNS:
+        cells = [_cell(head, row) for row in result.table]
+        has_content = head not in ONLY_IF_KNOWN or set(cells) != {NONE}
+        if head not in unasked and has_content:
+            columns[head] = cells
+    lines = []
+    for row, cells_of_row in zip(result.table, zip(*columns.values(), strict=True), strict=True):
+        first, *others = cells_of_row
+        lines.append([f"{first} {MARKS[row.standing]}".rstrip(), *others])
+    return list(columns), lines
+
+
+def _cell(head: str, row: Row) -> str:
+    """Return the cell of a row in a column."""
+    has_jammed = row.bins_per_hour is None
+    if has_jammed and head not in KNOWN_OF_JAMMED:
+        return NONE
+    return COLUMNS[head](row) or NONE
+
+
+def legend(result: StudyResult) -> str:
+    """Return what the marks, the intervals and the columns mean."""
+    count = max((row.replications for row in result.table), default=0)
+    model = result.table[0].model if result.table else "fast"
+    has_choices = _has_choices(result)
+    of_given = _given(result)
+    texts = {
+        "within": 100.0 * result.within,
+        "confidence": 100.0 * result.confidence,
+        "runs": "1 run" if count == 1 else f"{count} runs",
+        "model": MODELS[model],
+        "deadline": result.deadline,
+        "answer": f"best for each {of_given}" if of_given else "answer",
+        "given": f" for the same {of_given}" if of_given else "",
+    }
+    sentences = [LEGEND_OF_RUNS]
+    if result.deadline:
+        sentences = [LEGEND_OF_DEADLINE]
+    elif has_choices:
+        sentences = [LEGEND_OF_MARKS, LEGEND_OF_RUNS, LEGEND_OF_BEHIND]
+    sentences.append(LEGEND_OF_COLUMNS)
+    if _are_speeds_drawn(result):
+        sentences.append(LEGEND_OF_RATES)
+    if any(row.proven_seconds for row in result.table):
+        sentences.append(LEGEND_OF_OPTIMUM)
+    if any(row.check for row in result.table):
+        sentences.append(LEGEND_OF_CHECK)
+    return " ".join(sentences).format(**texts)
+
+
+def as_table(result: StudyResult) -> Table:
+    """Return the table for a terminal of 80 characters and more.
+
+    Some cells wrap where the terminal is narrow.
+    """
+    heads, lines = heads_and_lines(result)
+    table = Table(
+        box=SIMPLE_HEAD, padding=0, show_edge=False, caption=legend(result), caption_justify="left"
+    )
+    for head in heads:
+        table.add_column(
+            head.replace(", ", "\n"),
+            no_wrap=head in COLUMNS and head not in WRAPPED,
+            overflow="fold",
+        )
+    for line, row in zip(lines, result.table, strict=True):
+        table.add_row(*map(escape, line), style="bold" if row.standing == "best" else "")
+    return table
+
+
+def _are_speeds_drawn(result: StudyResult) -> bool:
+    """Whether the seed draws in some settings how fast rows or pickers are."""
+    picking = result.scenario.get("picking", {})
+    distributions = set[str]()
+    for name in ("spread", "spread_of_pickers"):
+        distributions.add(picking.get(name, {}).get("distribution", "none"))
+        distributions.update(result.varied.get(f"picking.{name}.distribution", []))
+    return distributions != {"none"}
+
+
+def _has_choices(result: StudyResult) -> bool:
+    """Whether the settings are compared, and not only shown beside each other."""
+    return all(row.standing != "alone" for row in result.table)
+
+
+def _given(result: StudyResult) -> str:
+    """Return the keys for each value of which the best setting is wanted."""
+    return " and ".join(map(key_words, result.given))
+
+
+def _unasked(result: StudyResult) -> list[str]:
+    """Return the columns that tell nothing new.
+
+    They are a harvest's length if the goal is its rate, and `behind` where no setting is compared.
+    """
+    unasked = []
+    if result.goal == "bins_per_hour" and not result.deadline:
+        unasked.append("harvest, s")
+    is_compared = len(result.table) > 1 and _has_choices(result)
+    if result.deadline or not is_compared:
+        unasked.append("behind, %")
+    return unasked
+
+
 # -- what is paid for what
 
 
@@ -293,7 +306,10 @@ def payments_table(row: Row) -> Table:
 
 
 def save_csv(result: StudyResult, path: Path) -> None:
-    """Write every figure as CSV, a line for each setting, with its name in JSON. Raises OSError."""
+    """Write every figure as CSV. Raises OSError.
+
+    Each setting is a line, and each figure a column with its name in the study's JSON.
+    """
     lines = [dict(_flat(_figures(row))) for row in result.table]
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(dict.fromkeys(name for line in lines for name in line)))
@@ -302,8 +318,8 @@ def save_csv(result: StudyResult, path: Path) -> None:
 
 
 def _figures(row: Row) -> dict[str, Any]:
-    share = row.bins_per_hour and row.bins_per_hour.mean / row.bound_bins_per_hour
-    return row.setting | asdict(row) | {"share_of_bound": share, "setting": None}
+    # The setting's keys are columns of their own; `_flat` leaves out what is None.
+    return row.setting | asdict(row) | {"share_of_bound": _share(row), "setting": None}
 
 
 def _flat(figures: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:

@@ -11,7 +11,7 @@ def test_the_legend_explains_the_marks_of_settings():
     rows = [a_row(10.0, setting=carriers(1)), a_row(20.0, setting=carriers(2))]
     text = legend(a_result(rows, carriers(2)))
     assert text.startswith("* the answer; = within 2 % of the best")
-    assert "behind: the best mean" in text
+    assert "behind: how far behind the best mean" in text
 
 
 def test_the_bars_of_a_picture_reach_from_the_mean_to_both_ends():

@@ -434,12 +434,15 @@ def test_what_is_too_long_is_folded_and_not_cut():
 
 def test_columns_that_tell_nothing_are_left_out():
     """A column without a figure and a key with one value are left out."""
-    heads, lines = table.words(by_policies())
+    heads, lines = table.heads_and_lines(by_policies())
     assert {"a bin", "checked", "harvest, s", "optimum, s"}.isdisjoint(heads)
     assert [line[0] for line in lines][3:] == ["predictive *", "predictive-farthest ="]
-    assert "harvest, s" in table.words(by_carriers(goal="harvest_seconds"))[0]
-    assert "harvest, s" not in table.words(by_carriers(goal="bins_per_hour"))[0]
-    assert "rows" not in table.words(replace(whole(), varied={"rows": [20], **whole().varied}))[0]
+    assert "harvest, s" in table.heads_and_lines(by_carriers(goal="harvest_seconds"))[0]
+    assert "harvest, s" not in table.heads_and_lines(by_carriers(goal="bins_per_hour"))[0]
+    assert (
+        "rows"
+        not in table.heads_and_lines(replace(whole(), varied={"rows": [20], **whole().varied}))[0]
+    )
 
 
 def test_the_least_cost_of_one_harvest_has_its_time():
@@ -449,14 +452,16 @@ def test_the_least_cost_of_one_harvest_has_its_time():
         for pickers, rate in ((4, 20.0), (8, 40.0))
     ]
     told = a_result(rows, {"pickers": 8}, ({"pickers": 4},), goal="cost_per_bin")
-    heads, lines = table.words(told)
+    heads, lines = table.heads_and_lines(told)
     assert [line[heads.index("harvest, s")] for line in lines] == ["3,600", "1,800"]
     assert answer(told).startswith(
         "8 pickers: 12.0 a bin, 40.0 bins an hour, 1,800 s for the harvest; "
     )
     long_rows = [replace(row, harvest_seconds=None) for row in rows]
     long_run = replace(told, table=long_rows, horizon="long")
-    assert "harvest, s" not in table.words(long_run)[0] and " s for" not in answer(long_run)
+    assert "harvest, s" not in table.heads_and_lines(long_run)[0] and " s for" not in answer(
+        long_run
+    )
 
 
 def test_how_far_behind_a_run_is_has_a_figure():
@@ -467,7 +472,7 @@ def test_how_far_behind_a_run_is_has_a_figure():
         a_row(88.2, setting=carriers(4), lead=interval(0.0), behind=0.0),
         a_row(80.0, setting=carriers(1), lead=interval(0.1, 0.02), behind=0.1),
     ]
-    heads, lines = table.words(a_result(rows, carriers(3)))
+    heads, lines = table.heads_and_lines(a_result(rows, carriers(3)))
     behind = heads.index("behind, %")
     assert [line[behind] for line in lines] == ["-", "5.0", "0.0 ±0.0", "10.0 ±2.0"]
 

@@ -27,8 +27,7 @@ from orchard.study.result import StudyResult
 from orchard.study.runs import PlannedRun
 from orchard.study.settings import Setting, more_numbers, most_carriers, varied_of
 from orchard.study.study import row_of, study
-from orchard.study.table import legend
-from orchard.study.table import words as words_of_table
+from orchard.study.table import heads_and_lines, legend
 from orchard.study.words import setting_words
 
 
@@ -439,7 +438,7 @@ def test_what_nobody_chooses_has_a_table_and_no_best(varied, words, tmp_path):
     assert (told.best, told.given, told.beyond) == (None, list(varied), {})
     assert [row.standing for row in told.table] == ["alone", "alone"]
     assert f"; {words} is given and not chosen, so there is no best. The orchard: " in told.answer
-    heads, lines = words_of_table(told)
+    heads, lines = heads_and_lines(told)
     assert "behind, %" not in heads and "*" not in "".join(cell for line in lines for cell in line)
     assert "the answer" not in legend(told) and inline_svg(told)
 
@@ -466,7 +465,10 @@ def test_what_can_be_chosen_has_a_best_for_each_of_what_cannot(tmp_path):
     assert told.answer.startswith("picking rate 5: 1 carrier, ")
     assert "picking rate is given and not chosen, so each has a best of its own" in told.answer
     assert legend(told).startswith("* the best for each picking rate; ")
-    assert "behind: the best mean for the same picking rate, which has -. " in legend(told)
+    assert (
+        "behind: how far behind the best mean for the same picking rate, which has -. "
+        in legend(told)
+    )
 
 
 def test_open_carriers_are_tried_for_each_circumstance(tmp_path):

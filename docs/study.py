@@ -77,9 +77,9 @@ its end. Each picker fills at least 24 bins, and each battery is charged six tim
 are left out. Far longer ones differ by 0.5 % on average, 3.1 % at most
 (`python examples/long_run.py --random 40 --against 160`). MSER-5, which finds the warm-up in the
 data, would leave out 0 to 15 % on average in eight orchards, 48 % at most; its rates differ by 0.4
-% on average, so the 40 % are on the safe side (`python examples/run_statistics.py`). A policy by which one picker picks less
-than half of what another does has none, as `assignment` where carriers are few. A single harvest
-has other answers: `--horizon harvest`.
+% on average, so the 40 % are on the safe side (`python examples/run_statistics.py`). A policy by
+which one picker picks less than half of what another does has none, as `assignment` where carriers
+are few. A single harvest has other answers: `--horizon harvest`.
 
 The study tries as many carriers as it takes: about the number of the [limit without
 traffic](bounds.md#the-limit-without-traffic), then more, until the answer has its neighbours and

@@ -36,9 +36,11 @@ from orchard.launch.supervisor import (
 )
 from orchard.launch.supervisor import SECONDS as FROZEN_SECONDS
 from orchard.net.bus import Inbox
+from orchard.net.ending import write_end
 from orchard.report.progress import Progress
 from orchard.server.options import RunOptions
 from orchard.wire.keys import PHYSICS
+from orchard.wire.messages import End
 
 pytestmark = pytest.mark.processes
 
@@ -157,6 +159,23 @@ def launched_by(fleet, folder):
         fleet,
         Progress(Console(file=io.StringIO())),
     )
+
+
+def test_a_result_that_physics_writes_late_counts(fleet, tmp_path, monkeypatch):
+    """On a busy machine physics may need longer after Ctrl-C than the run is followed."""
+    launched = launched_by(fleet, tmp_path)
+    files = []
+    end = End(fleet.run, 5, False, "stopped", "0" * 64, {"broken_agents": [], "ticks": 5})
+
+    def stop(seconds):
+        write_end(end, str(files[0]))
+        for child in fleet.children:
+            child.end()
+
+    monkeypatch.setattr(launched, "_start", files.append)
+    monkeypatch.setattr(launched, "follow", lambda inbox: (None, "stopped"))
+    monkeypatch.setattr(fleet, "stop", stop)
+    assert launched.carry_out(Inbox()) == (end.summary, "stopped")
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """The command `orchard calibrate`, as a person uses it."""
 
-from datetime import timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -75,3 +75,35 @@ def test_a_missing_log_and_a_wrong_confidence_are_told(tmp_path):
     assert orchard("calibrate", log, code=2).stderr == f"{log}: No such file or directory\n"
     told = orchard("calibrate", log, "--confidence", "2", code=2).stderr
     assert "2: expected a share from 0.5 to 0.999, such as 0.95 or 95%" in told
+
+
+def paused(text: str, hours: int, picker: str = "") -> str:
+    """Return a log in which work stops at eight for some hours, of one picker or of all."""
+    head, *lines = text.splitlines()
+    later_lines = []
+    for line in lines:
+        time = datetime.fromisoformat(line.split(",")[0])
+        if time.hour >= 8 and picker in line:
+            time += timedelta(hours=hours)
+        later_lines.append(",".join([time.isoformat(), *line.split(",")[1:]]))
+    return "\n".join([head, *sorted(later_lines)]) + "\n"
+
+
+def test_a_break_of_the_scenarios_shift_is_no_working_time(folder, tmp_path):
+    """Without that scenario bins of the time are left out, and it is said what to do."""
+    log = tmp_path / "log.csv"
+    log.write_text(paused((folder / "log.csv").read_text(), 3))
+    shift = {"begin": "07:00", "end": "18:00", "breaks": [["08:00", "11:00"]]}
+    on = tmp_path / "rent.yaml"
+    on.write_text(to_short_yaml(with_changes(BASE, shift=shift)))
+    advice = "which belongs in shift.breaks of the scenario (--on)"
+    assert advice in orchard("calibrate", log).stdout
+    assert advice not in orchard("calibrate", log, "--on", on).stdout
+
+
+def test_a_bin_that_took_far_too_long_is_named(folder, tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_text(paused((folder / "log.csv").read_text(), 1, "picker_01"))
+    told = orchard("calibrate", log).stdout
+    assert "of picker_01 took" in told
+    assert "a break, or lines are missing; it is left out" in told

@@ -192,8 +192,9 @@ class DriveTo(Step, frozen=True):
         for gate in self.frees:
             if not reserved.isdisjoint(gate.places):
                 rooms.append(ahead * (gate.at - here))
+        asks_before = self.asks_before(robot.machine)
         for gate in self.needs:
-            room = ahead * (gate.at - here) - self.asks_before(robot.machine)
+            room = ahead * (gate.at - here) - asks_before
             if room >= 0.0 and not reserved.issuperset(gate.places):
                 rooms.append(room)
         return int(max(0.0, min(rooms) - SLACK) / (speed * TIME_STEP)) + 1

@@ -42,9 +42,10 @@ KIWIFRUIT_BY_HAND = KIWIFRUIT | {
     "prices": {"picker_per_hour": 13.5},
 }
 # A gang fills a trailer of three bins together. Another tractor fetches it.
+TRAILER_BINS = 3
 GANGS = KIWIFRUIT | {
     "pickers": 2,
-    "crop": {"tonnes_per_hectare": 39.0, "kilograms_per_bin": 1050.0},
+    "crop": {"tonnes_per_hectare": 39.0, "kilograms_per_bin": TRAILER_BINS * 350.0},
 }
 # Of 20 people: six bins in ten minutes, so a trailer of three in ten minutes for each gang.
 TRAILERS_AN_HOUR_AND_PERSON = 0.6

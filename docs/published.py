@@ -33,6 +33,10 @@ Rates = Mapping[str, float]
 ENOUGH = 0.02
 DAY_HOURS = 8.0
 
+# t/h of forklifts and of trailers: the source has one range for both.
+FEW_TONNES = 5.13
+MANY_TONNES = 5.56
+
 # Why a figure does not count among those that agree.
 FITTED = "fitted"
 HARDLY_FAILS = "could hardly fail"
@@ -285,10 +289,11 @@ FIGURES = (
         group="Bins by tractor",
         quantity="t/h, forklift, 4 boxes",
         source="boxes",
-        low=5.13,
-        high=5.13,
+        low=FEW_TONNES,
+        high=MANY_TONNES,
         answer=lambda rates: _tonnes(4, rates),
-        why="the time away is fitted to this one, because the source does not tell the distance",
+        why="the time away is fitted to the lower end, because the source does not tell the"
+        " distance",
         uncounted=FITTED,
     ),
     Published(
@@ -304,8 +309,8 @@ FIGURES = (
         group="Bins by tractor",
         quantity="t/h, trailer, 12 boxes",
         source="boxes",
-        low=5.13,
-        high=5.56,
+        low=FEW_TONNES,
+        high=MANY_TONNES,
         answer=lambda rates: _tonnes(12, rates),
         why="a forklift loads it box by box; here a load is taken at once, however large",
     ),
@@ -389,7 +394,8 @@ SOURCES = {
     " HortTechnology 27 (2017). One person who watches: The Packer on FFRobotics. Wages and hands"
     " as above.",
     "boxes": "agro.icm.edu.pl: four ways to transport apples in boxes of 330 kg, in an orchard and"
-    " on asphalt.",
+    " on asphalt. It has one range for forklifts and trailers together; a straddle trailer brings"
+    " the lower figure in the orchard, the higher one on asphalt.",
     "hauls": "NIAB, Equipment required for transporting fruit: within 400 m trains can drive to the"
     " pack house; from 400 to 800 m a trailer for up to eight bins. Six to eight people a gang: the"
     " same, Bin placement. The rate of a person as above, 1 m/s.",

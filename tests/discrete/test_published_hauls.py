@@ -1,5 +1,6 @@
-"""What is published of the transport of bins, asked with trailers that carry several."""
+"""What shipped scenarios with trailers bring, as docs/how-to.md tells it."""
 
+from pathlib import Path
 from statistics import fmean
 from typing import Any
 
@@ -9,7 +10,13 @@ from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.field.shipped import shipped
+from orchard.report.bounds import Bounds
 
+HOW_TO = Path(__file__).parents[2] / "docs" / "how-to.md"
+HEAD = (
+    "| scenario | bins/h of a picker | carriers | trailers | bins of each | away, s | limit |"
+    " bins/h |"
+)
 NOBODY: dict[str, Any] = {
     "people": {"workers": 0, "visitors": 0},
     "animals": {"dogs": 0, "cats": 0},
@@ -19,14 +26,35 @@ NOBODY: dict[str, Any] = {
 SEEDS = 2
 
 
-def rate(name: str, **values: Any) -> float:
-    """Return the bins an hour of the middle of harvests of a shipped scenario with other values,
-    the mean of some seeds.
-    """
+def told() -> list[list[str]]:
+    """Return the cells of each line of the table, without its head and the line below that."""
+    _, _, below = HOW_TO.read_text().partition(f"{HEAD}\n")
+    table, _, _ = below.partition("\n\n")
+    lines = table.splitlines()[1:]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+
+
+def harvest_of(line: list[str]) -> dict[str, Any]:
+    """Return the scenario that a line of the table names, with the values of its cells."""
+    name, picking_rate, carriers, count, bins, seconds_away, *_ = line
+    load_out: dict[str, Any] = {}
+    if count != "endless":
+        trailers = {"count": int(count), "bins": int(bins)}
+        load_out = {"trailers": trailers, "seconds_away": float(seconds_away)}
+    values = {
+        "picking_rate": float(picking_rate),
+        "carriers": int(carriers),
+        "load_out": load_out,
+    }
+    return shipped()[name.strip("`")].model_dump() | NOBODY | values
+
+
+def rate(values: dict[str, Any]) -> float:
+    """Return the bins an hour of the middle of harvests, the mean of some seeds."""
     rates = []
     for seed in range(1, SEEDS + 1):
-        scenario = shipped()[name].model_dump() | NOBODY | values | {"seed": seed}
-        harvest = DiscreteHarvest(lay_out(Scenario.model_validate(scenario))).run()
+        scenario = Scenario.model_validate(values | {"seed": seed})
+        harvest = DiscreteHarvest(lay_out(scenario)).run()
         assert harvest.is_over
         deliveries = harvest.deliveries
         first = len(deliveries) // 5
@@ -35,24 +63,22 @@ def rate(name: str, **values: Any) -> float:
     return fmean(rates)
 
 
-def trailers(count: int, bins: int, seconds_away: float) -> dict[str, Any]:
-    return {"trailers": {"count": count, "bins": bins}, "seconds_away": seconds_away}
+def test_the_table_of_hauls_has_two_shipped_scenarios() -> None:
+    """So the table is found, and the tests below have lines."""
+    assert {line[0] for line in told()} == {"`tractor_trailers`", "`forklift`"}
+
+
+@pytest.mark.parametrize("line", told(), ids=" ".join)
+def test_hauls_have_the_limits_that_are_told(line: list[str]) -> None:
+    """No harvest brings more in the long run."""
+    bounds = Bounds(lay_out(Scenario.model_validate(harvest_of(line))))
+    limit = bounds.bins_per_hour
+    assert f"{limit:.1f}" == line[-2]
+    assert float(line[-1]) <= limit
 
 
 @pytest.mark.soak
-def test_soak_published_hauls_are_told() -> None:
-    """The figures of docs/how-to.md."""
-    gangs = {}
-    for count in (1, 2, 3, 4):
-        gangs[count] = rate("tractor_trailers", load_out=trailers(count, 3, 600.0))
-    many = {"carriers": 6, "picking_rate": 2.2}
-    fork = rate("forklift", **many, load_out=trailers(1, 4, 906.0))
-    straddle = rate("forklift", **many, load_out=trailers(1, 8, 771.0))
-    alone = {}
-    for carriers in (2, 3, 4, 6):
-        endless = {"load_out": {}, "carriers": carriers}
-        alone[carriers] = rate("tractor_trailers", **endless)
-    print(f"\ngangs, trailers: {gangs}\nforklift {fork}, straddle {straddle}, bins/h")
-    print(f"carriers alone: {alone}")
-    assert gangs[1] < gangs[2] < gangs[4]
-    assert straddle > 1.5 * fork
+@pytest.mark.parametrize("line", told(), ids=" ".join)
+def test_soak_hauls_bring_what_is_told(line: list[str]) -> None:
+    """Each line of the table in docs/how-to.md, measured again."""
+    assert f"{rate(harvest_of(line)):.1f}" == line[-1]

@@ -83,3 +83,11 @@ def test_a_third_tractor_brings_little():
     gain = gain_of_a_third(json.loads(MEASURED.read_text())["harvests"])
     assert gain < 100.0 * ENOUGH
     assert f"{gain:.1f} % more here" in " ".join(document().split())
+
+
+def test_forklifts_and_trailers_have_one_published_range():
+    """Their source has one for both, and the page writes it into both lines."""
+    ranges = set()
+    for quantity in ("t/h, forklift, 4 boxes", "t/h, trailer, 12 boxes"):
+        ranges.add((FIGURE[quantity].low, FIGURE[quantity].high))
+    assert ranges == {(5.13, 5.56)}

@@ -120,11 +120,11 @@ class PolicyProcess:
         """
         if self._process is None:
             self._start()
-            self._tell(Load(self.policy))
+            self._tell(Load(self.policy), self._limits.begin_seconds, "to begin")
         seen = with_changes(nothing_drawn(scenario), dispatch=self.policy)
-        self._tell(Begin(seen.model_dump_json(), self._limits.processor_seconds))
         self._tick = 0
-        answer = self._answer(self._limits.begin_seconds, "to begin")
+        begin = Begin(seen.model_dump_json(), self._limits.processor_seconds)
+        answer = self._answer(begin, self._limits.begin_seconds, "to begin")
         if isinstance(answer, Fault):
             # Its process has ended.
             self.stop()
@@ -142,8 +142,8 @@ class PolicyProcess:
         Raises PolicyFault, TooSlow or AskingStopped.
         """
         self._tick = now
-        self._tell(Ask(now, list(bins), list(carriers)))
-        answer = self._answer(self._limits.decision_seconds, "for a decision")
+        ask = Ask(now, list(bins), list(carriers))
+        answer = self._answer(ask, self._limits.decision_seconds, "for a decision")
         if isinstance(answer, Fault):
             self.stop()
             raise PolicyFault(printable(answer.text, 1000))
@@ -155,8 +155,8 @@ class PolicyProcess:
             raise self._fault(str(error)) from None
 
     def end(self) -> None:
-        """Over the harvest."""
-        self._tell(Over())
+        """Over the harvest. Raises PolicyFault, TooSlow or AskingStopped."""
+        self._tell(Over(), self._limits.begin_seconds, "to end")
 
     def stop(self) -> None:
         """Over the process, with all that it has started in its group."""
@@ -185,23 +185,49 @@ class PolicyProcess:
             bufsize=0,
             start_new_session=True,
         )
+        assert self._process.stdin is not None
+        # A policy that reads no questions must not hold the benchmark.
+        os.set_blocking(self._process.stdin.fileno(), False)
 
-    def _tell(self, question: Question) -> None:
-        """Send a question. A process that has ended is noticed when its answer is read."""
-        assert self._process is not None and self._process.stdin is not None
-        with suppress(BrokenPipeError):
-            self._process.stdin.write(framed(question))
-
-    def _answer(self, seconds: float, purpose: str) -> Answer:
-        """Return the next answer. `purpose`: what takes the time, as "for a decision".
+    def _answer(self, question: Question, seconds: float, purpose: str) -> Answer:
+        """Return the answer to a question. `purpose`: what takes the time, as "for a decision".
 
         Raises PolicyFault, TooSlow or AskingStopped.
         """
+        if self._has_written():
+            # That its process has ended is told unasked; that is raised here.
+            self._next_answer(seconds, purpose)
+            raise self._fault("it gave an answer before it was asked")
+        self._tell(question, seconds, purpose)
+        return self._next_answer(seconds, purpose)
+
+    def _has_written(self) -> bool:
+        """Return whether something can be read from the process."""
+        assert self._process is not None and self._process.stdout is not None
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._process.stdout, selectors.EVENT_READ)
+            return bool(selector.select(0.0))
+
+    def _tell(self, question: Question, seconds: float, purpose: str) -> None:
+        """Send a question. A process that has ended is noticed when its answer is read.
+
+        Raises TooSlow or AskingStopped if it is not taken.
+        """
+        assert self._process is not None and self._process.stdin is not None
+        pipe = self._process.stdin.fileno()
         until = time.monotonic() + seconds
-        too_slow = TooSlow(
-            f"dispatch policy {self.policy}, tick {self._tick}: it took more than {seconds:g} s"
-            f" {purpose}"
-        )
+        left = framed(question)
+        while left:
+            self._wait_for(pipe, selectors.EVENT_WRITE, until, self._too_slow(seconds, purpose))
+            try:
+                left = left[os.write(pipe, left) :]
+            except BrokenPipeError:
+                return
+
+    def _next_answer(self, seconds: float, purpose: str) -> Answer:
+        """Return the next answer of the process. Raises PolicyFault, TooSlow or AskingStopped."""
+        until = time.monotonic() + seconds
+        too_slow = self._too_slow(seconds, purpose)
         size = int.from_bytes(self._read(HEAD_BYTES, until, too_slow), "big")
         if size > LARGEST_ANSWER:
             raise self._fault(f"its answer has {size} bytes; at most {LARGEST_ANSWER}")
@@ -227,23 +253,37 @@ class PolicyProcess:
         assert self._process is not None and self._process.stdout is not None
         pipe = self._process.stdout.fileno()
         content = b""
+        while len(content) < size:
+            self._wait_for(pipe, selectors.EVENT_READ, until, too_slow)
+            part = os.read(pipe, size - len(content))
+            if not part:
+                raise self._fault("its process ended")
+            content += part
+        return content
+
+    def _wait_for(self, pipe: int, event: int, until: float, too_slow: TooSlow) -> None:
+        """Wait until a pipe can be read, or written.
+
+        Raises `too_slow` or AskingStopped, and ends the process.
+        """
         with selectors.DefaultSelector() as selector:
-            selector.register(pipe, selectors.EVENT_READ)
-            while len(content) < size:
+            selector.register(pipe, event)
+            while True:
                 if self._is_stopped():
                     self.stop()
                     raise AskingStopped
                 left = until - time.monotonic()
-                if not selector.select(min(GLANCE, max(0.0, left))):
-                    if left > GLANCE:
-                        continue
+                if selector.select(min(GLANCE, max(0.0, left))):
+                    return
+                if left <= GLANCE:
                     self.stop()
                     raise too_slow
-                part = os.read(pipe, size - len(content))
-                if not part:
-                    raise self._fault("its process ended")
-                content += part
-        return content
+
+    def _too_slow(self, seconds: float, purpose: str) -> TooSlow:
+        return TooSlow(
+            f"dispatch policy {self.policy}, tick {self._tick}: it took more than {seconds:g} s"
+            f" {purpose}"
+        )
 
     def _fault(self, text: str) -> PolicyFault:
         """Return the error for an answer that cannot be, and end the process."""

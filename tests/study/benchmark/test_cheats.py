@@ -10,9 +10,16 @@ import pytest
 from orchard.behaviour.dispatcher import PolicyFault
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.dispatch.policies import dispatch_of
+from orchard.dispatch.policy import BinReport
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, with_changes
-from orchard.study.benchmark.asked import Limits, PolicyProcess, PolicyRefused, TooSlow
+from orchard.study.benchmark.asked import (
+    AskingStopped,
+    Limits,
+    PolicyProcess,
+    PolicyRefused,
+    TooSlow,
+)
 from orchard.study.benchmark.instances import instances
 from orchard.study.benchmark.play import Played, play
 from orchard.study.benchmark.scores import Harvests, ShorterThanProven
@@ -74,7 +81,8 @@ def test_a_class_that_asks_for_what_is_drawn_is_refused(cheat, said):
         ("Flooder", r"its answer has 2147483647 bytes; at most 100000"),
         ("Boaster", r"assigns bin b+\.\.\."),
         ("Glutton", r"OSError: \[Errno 12\] Cannot allocate memory"),
-        ("Forker", r"assigns bin bin_\d+, which is not available"),
+        ("Forker", r"(assigns bin bin_\d+, which is not available|an answer before it was asked)"),
+        ("Ahead", r"it gave an answer before it was asked"),
         ("LimitRaiser", r"ValueError: not allowed to raise maximum limit"),
         ("NumberMaker", r"TypeError: assign returned nan; it must return a list of Assignment"),
         ("OrderOfNumbers", r"ValueError: the dispatch policy assigns bin nan, which is not av"),
@@ -124,6 +132,31 @@ def test_a_decision_that_takes_too_long_ends_the_harvest(cheat):
     wanted = rf"cheating_policies\.{cheat}, tick \d+: it took more than 0\.05 s for a decision"
     with pytest.raises(TooSlow, match=wanted):
         played(cheat, limits=limits)
+
+
+# More than a pipe takes.
+MANY = [BinReport("bin_01", 1, "west", "picker_01", 0, 30.0)] * 5000
+
+
+def test_a_policy_that_reads_no_question_is_too_slow():
+    """Its pipe is full then: the benchmark must not wait for room in it for ever."""
+    limits = Limits(decision_seconds=2.0, begin_seconds=300.0)
+    with PolicyProcess("cheating_policies.Deaf", limits) as process:
+        process.begin(DRAWN)
+        assert process.orders(1, [], []) == []
+        with pytest.raises(TooSlow, match=r"Deaf, tick 2: it took more than 2 s for a decision"):
+            process.orders(2, MANY, [])
+
+
+def test_a_benchmark_stops_while_no_question_is_read():
+    """One Ctrl-C ends it, as it does while an answer is awaited."""
+    asked = []
+    with PolicyProcess("cheating_policies.Deaf", PATIENT, lambda: 2 in asked) as process:
+        process.begin(DRAWN)
+        assert process.orders(1, [], []) == []
+        asked.append(2)
+        with pytest.raises(AskingStopped):
+            process.orders(2, MANY, [])
 
 
 def test_a_policy_that_never_begins_has_no_score():

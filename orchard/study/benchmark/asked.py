@@ -27,6 +27,7 @@ from orchard.study.benchmark.exchange import (
     Answer,
     Ask,
     Begin,
+    Done,
     Fault,
     Gone,
     Load,
@@ -156,7 +157,9 @@ class PolicyProcess:
 
     def end(self) -> None:
         """Over the harvest. Raises PolicyFault, TooSlow or AskingStopped."""
-        self._tell(Over(), self._limits.begin_seconds, "to end")
+        answer = self._answer(Over(), self._limits.begin_seconds, "to end")
+        if not isinstance(answer, Done):
+            raise self._fault("it gave another answer than that it is done")
 
     def stop(self) -> None:
         """Over the process, with all that it has started in its group."""

@@ -2,8 +2,8 @@
 
 The benchmark names the policy (`Load`), begins a harvest with the orchard in which nothing is drawn
 (`Begin`), asks for each decision (`Ask`), and ends the harvest (`Over`). It hears `Ready`, then for
-each question `Orders`; or what is wrong (`Fault`), that the policy has ended its process (`Gone`),
-or that it has used up its time of the processor (`Spent`).
+each question `Orders`, and at the end `Done`; or what is wrong (`Fault`), that the policy has ended
+its process (`Gone`), or that it has used up its time of the processor (`Spent`).
 """
 
 from typing import BinaryIO
@@ -63,6 +63,10 @@ class Orders(msgspec.Struct, tag=True, frozen=True):
     orders: list[Assignment]
 
 
+class Done(msgspec.Struct, tag=True, frozen=True):
+    """The process of the harvest has ended, as it was told."""
+
+
 class Fault(msgspec.Struct, tag=True, frozen=True):
     """The policy cannot be used, or has decided what cannot be."""
 
@@ -83,7 +87,7 @@ class Spent(msgspec.Struct, tag=True, frozen=True):
     processor_seconds: int
 
 
-Answer = Ready | Orders | Fault | Gone | Spent
+Answer = Ready | Orders | Done | Fault | Gone | Spent
 
 _encoder = msgspec.msgpack.Encoder()
 _questions = msgspec.msgpack.Decoder(Question)

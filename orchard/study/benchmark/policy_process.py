@@ -23,6 +23,7 @@ from orchard.field.scenario import Scenario
 from orchard.study.benchmark.exchange import (
     Ask,
     Begin,
+    Done,
     Fault,
     Gone,
     Load,
@@ -86,11 +87,16 @@ def _in_fork(begin: Begin, questions: BinaryIO, answers: BinaryIO) -> None:
         with suppress(BrokenPipeError):
             _harvest(scenario, questions, answers)
         os._exit(TOLD_TO_END)
-    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-    if code == -signal.SIGXCPU:
+    _, status, used = os.wait4(child, 0)
+    code = os.waitstatus_to_exitcode(status)
+    # The limit holds for each process. So what the processes used that it forked and waited for
+    # is known at the end only.
+    is_spent = used.ru_utime + used.ru_stime > begin.processor_seconds
+    if code == -signal.SIGXCPU or (is_spent and code == TOLD_TO_END):
         answers.write(framed(Spent(begin.processor_seconds)))
-        return
-    if code != TOLD_TO_END:
+    elif code == TOLD_TO_END:
+        answers.write(framed(Done()))
+    else:
         answers.write(framed(Gone(code)))
 
 

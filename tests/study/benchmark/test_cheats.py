@@ -172,6 +172,14 @@ def test_a_harvest_has_so_much_of_the_processor():
         played("Worker", limits=limits)
 
 
+def test_a_harvest_has_what_its_forked_processes_use():
+    """The limit of the system is for each process; at the end all are counted together."""
+    limits = replace(PATIENT, processor_seconds=2)
+    wanted = r"Delegator, tick \d+: it took more than 2 s of the processor for one harvest"
+    with pytest.raises(TooSlow, match=wanted):
+        played("Delegator", limits=limits)
+
+
 def test_a_policy_deaf_to_its_limit_is_ended():
     limits = replace(PATIENT, processor_seconds=1)
     with pytest.raises(PolicyFault, match=r"it ended its process, with code -9"):

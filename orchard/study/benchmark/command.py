@@ -167,7 +167,8 @@ def _verify(path: Path, known: dict[str, Instance]) -> int:
         return FAILED
     print_line(
         f"{path}: {printable(submission.policy)} has {_percent(submission.score)} %:"
-        f" {len(submission.harvests)} harvests were replayed, and each takes as long as it says."
+        f" {len(submission.harvests)} harvests were replayed, and each takes as long as it says,"
+        " or is never finished if it says so."
     )
     return FINISHED
 

@@ -139,9 +139,12 @@ def _wrong_scores(submission: Submission) -> list[str]:
     """Return which scores are not those of the harvests."""
     problems = []
     scores = scores_of(submission.harvests)
-    for instance, told in submission.scores.items():
+    for instance in sorted({*scores} | {*submission.scores}):
+        told = submission.scores.get(instance)
         computed = scores.get(instance)
-        if computed is None or abs(computed - told) > SCORE_ROUNDING:
+        if told is None:
+            problems.append(f"the score of {instance} is missing")
+        elif computed is None or abs(computed - told) > SCORE_ROUNDING:
             problems.append(f"the score of {instance} is not that of its harvests")
     score = fmean(scores.values()) if scores else 0.0
     if abs(score - submission.score) > SCORE_ROUNDING:
@@ -158,12 +161,14 @@ def _wrong(harvest: SubmittedHarvest, instance: Instance) -> list[str]:
     (proven,) = [draw.proven_seconds for draw in instance.draws if draw.seed == harvest.seed]
     if proven != harvest.proven_seconds:
         return [f"{where}: its bound is {harvest.proven_seconds:g} s; expected {proven:g} s"]
-    if harvest.seconds is None:
-        return []
     try:
         seconds = replayed(instance.of_seed(harvest.seed), harvest.is_early, harvest.orders)
     except ValueError as error:
         return [f"{where}: {error}"]
+    if harvest.seconds is None:
+        if seconds is None:
+            return []
+        return [f"{where}: it says that it is never finished; its orders take {seconds:.1f} s"]
     if seconds is None:
         return [f"{where}: its orders never finish the harvest"]
     if abs(round(seconds, 1) - harvest.seconds) > ROUNDING:

@@ -228,6 +228,7 @@ def test_a_submission_is_verified_without_its_policy(store, tmp_path):
         "no such instance and seed": {"seed": 1},
         "is that of picker_": {"orders": [[*first["orders"][0][:3], "picker_99"]]},
         f"it says {first['seconds'] - 0.1:.1f} s;": {"seconds": first["seconds"] - 0.1},
+        "it says that it is never finished; its orders take": {"seconds": None},
     }
     for said, change in faults.items():
         forged = written | {"harvests": [first | change, *written["harvests"][1:]]}
@@ -238,6 +239,9 @@ def test_a_submission_is_verified_without_its_policy(store, tmp_path):
     refused = orchard("benchmark", "--verify", file, *small, *rest, code=1)
     assert "the score of tiny-test is not that of its harvests" in refused.stderr
     file.write_text(json.dumps(written))
+    file.write_text(json.dumps(written | {"scores": {}}))
+    refused = orchard("benchmark", "--verify", file, *small, *rest, code=1)
+    assert "the score of tiny-test is missing" in refused.stderr
     missing = orchard("benchmark", "--verify", file, *small, "--orchard", "tiny-train", code=1)
     assert re.search(r"tiny-train, seed \d+: this harvest is missing", missing.stderr)
 

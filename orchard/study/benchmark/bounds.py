@@ -1,5 +1,6 @@
 """What is proven of the harvests of an orchard, seed by seed, and the hidden split."""
 
+from collections.abc import Container
 from pathlib import Path
 
 from orchard.field.layout import lay_out
@@ -56,10 +57,15 @@ def secret_of(path: Path) -> bytes:
     return secret
 
 
-def hidden_instances(secret: bytes, workers: Workers) -> dict[str, Instance]:
-    """Return the hidden split that a secret draws. Its bounds are proven now, which takes long."""
+def hidden_instances(
+    secret: bytes, workers: Workers, wanted: Container[str]
+) -> dict[str, Instance]:
+    """Return the orchards of the hidden split that a secret draws and that are wanted, by name.
+
+    Their bounds are proven now, which takes long.
+    """
     drawn = scenarios_of("hidden", secret)
-    items = [(name, check(values, name)) for name, values in drawn.items()]
+    items = [(name, check(values, name)) for name, values in drawn.items() if name in wanted]
     scenarios = [scenario for _, scenario in items]
     proven = dict[int, dict[int, float]]()
     for scenario, bounds in workers.do(_bounds_in_worker, scenarios, lambda: True):

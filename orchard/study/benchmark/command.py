@@ -2,7 +2,7 @@
 built-in ones.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -19,7 +19,7 @@ from orchard.field.problems import ScenarioError, printable
 from orchard.field.scenario import NEAREST, ROLLING
 from orchard.report.summary import SUMMARY, write_if_wanted
 from orchard.study.benchmark.bounds import hidden_instances, secret_of
-from orchard.study.benchmark.families import commitment
+from orchard.study.benchmark.families import commitment, scenarios_of
 from orchard.study.benchmark.instances import Instance, instances
 from orchard.study.benchmark.scores import Benchmark, BenchmarkResult
 from orchard.study.benchmark.submission import Submission, problems_of, read_submission
@@ -137,21 +137,28 @@ def _known(chosen: BenchmarkOptions, workers: Workers) -> dict[str, Instance]:
     """Return the instances that are wanted. Raises BadParameter or SubmissionError."""
     if chosen.secret is None:
         known = instances()
-    else:
-        try:
-            secret = secret_of(chosen.secret)
-        except ValueError as error:
-            raise SubmissionError(str(error)) from None
-        print_line(f"The SHA-256 of this secret is {commitment(secret)}.")
-        known = hidden_instances(secret, workers)
-    if chosen.split is not None:
-        known = {name: one for name, one in known.items() if one.split == chosen.split}
-    names = chosen.orchard or []
-    if unknown := [name for name in names if name not in known]:
+        if chosen.split is not None:
+            known = {name: one for name, one in known.items() if one.split == chosen.split}
+        wanted = _wanted_names(chosen, known)
+        return {name: one for name, one in known.items() if name in wanted}
+    try:
+        secret = secret_of(chosen.secret)
+    except ValueError as error:
+        raise SubmissionError(str(error)) from None
+    wanted = _wanted_names(chosen, scenarios_of("hidden", secret))
+    print_line(f"The SHA-256 of this secret is {commitment(secret)}.")
+    return hidden_instances(secret, workers, wanted)
+
+
+def _wanted_names(chosen: BenchmarkOptions, known: Iterable[str]) -> list[str]:
+    """Return the names of the orchards that are wanted. Raises BadParameter."""
+    every = [*known]
+    names = chosen.orchard or every
+    if unknown := [name for name in names if name not in every]:
         raise BadParameter(
-            f"{unknown[0]}: no such orchard; there are {', '.join(known)}", param_hint="--orchard"
+            f"{unknown[0]}: no such orchard; there are {', '.join(every)}", param_hint="--orchard"
         )
-    return {name: one for name, one in known.items() if not names or name in names}
+    return names
 
 
 def _verify(path: Path, known: dict[str, Instance]) -> int:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from code_blocks import block
 from command_line import orchard
+from typer import BadParameter
 
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
@@ -227,8 +228,8 @@ def test_a_submission_is_verified_without_its_policy(store, tmp_path):
         "its bound is 1 s; expected": {"proven_seconds": 1.0},
         "no such instance and seed": {"seed": 1},
         "is that of picker_": {"orders": [[*first["orders"][0][:3], "picker_99"]]},
-        f"it says {first['seconds'] - 0.1:.1f} s;": {"seconds": first["seconds"] - 0.1},
         "it says that it is never finished; its orders take": {"seconds": None},
+        f"it says {first['seconds'] - 0.1:.1f} s;": {"seconds": first["seconds"] - 0.1},
     }
     for said, change in faults.items():
         forged = written | {"harvests": [first | change, *written["harvests"][1:]]}
@@ -238,10 +239,10 @@ def test_a_submission_is_verified_without_its_policy(store, tmp_path):
     file.write_text(json.dumps(written | {"scores": written["scores"] | {"tiny-test": 1.0}}))
     refused = orchard("benchmark", "--verify", file, *small, *rest, code=1)
     assert "the score of tiny-test is not that of its harvests" in refused.stderr
-    file.write_text(json.dumps(written))
     file.write_text(json.dumps(written | {"scores": {}}))
     refused = orchard("benchmark", "--verify", file, *small, *rest, code=1)
     assert "the score of tiny-test is missing" in refused.stderr
+    file.write_text(json.dumps(written))
     missing = orchard("benchmark", "--verify", file, *small, "--orchard", "tiny-train", code=1)
     assert re.search(r"tiny-train, seed \d+: this harvest is missing", missing.stderr)
 
@@ -274,6 +275,16 @@ def test_a_builtin_policy_is_submitted_as_it_is_scored(tmp_path):
 )
 def test_options_that_cannot_be_are_refused(words, said):
     assert said in orchard("benchmark", *words, code=2).stderr
+
+
+def test_an_orchard_that_no_secret_draws_is_refused(tmp_path, monkeypatch):
+    """At once: bounds are proven of the orchards only that are wanted, and of none here."""
+    secret = tmp_path / "secret.txt"
+    secret.write_text("0123456789abcdef0123456789abcdef")
+    monkeypatch.setattr(benchmark_command, "hidden_instances", None)
+    options = NO_FILES | {"secret": secret}
+    with pytest.raises(BadParameter, match=r"small-fast-test: no such orchard; there are tiny-hid"):
+        benchmark_of(monkeypatch, out=None, anew=False, **options)
 
 
 def test_the_documented_options_are_those_of_the_command():

@@ -45,8 +45,8 @@ resident.
   0.02 m and 12 cm at 0.1 m.
 - Gazebo was not measured.
 
-`make bench` measures all of this again in less than ten minutes. It installs the other simulators
-into `.bench/`.
+`make bench` measures all of this again in less than ten minutes, except *Learning*. It installs the
+other simulators into `.bench/`.
 """
 
 
@@ -78,7 +78,8 @@ def _machine(results: Results) -> str:
     return (
         f"Measured by `make bench` with Python {platform.python_version()}, {ours}; {others}; on"
         f" {os.cpu_count()} cores of {_processor()} (load before {before:.1f}, after {after:.1f})."
-        " All figures are from that run, except those marked *quoted*."
+        " All figures are from that run, except those marked *quoted* and those of *Learning*,"
+        " which have a run of their own."
     )
 
 

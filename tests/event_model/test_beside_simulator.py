@@ -47,6 +47,10 @@ TURNING: dict[str, Any] = {
     **{"rows": 6, "pickers": 3, "carriers": 6, "row_length": 30.0},
     **{"dispatch": "predictive", "route": "one-way"},
 }
+FAST: dict[str, Any] = {
+    **{"rows": 4, "pickers": 2, "carriers": 1, "row_length": 30.0, "picking_speed": 1.0},
+    **{"dispatch": "nearest"},
+}
 CHARGING: dict[str, Any] = {
     **{"rows": 14, "pickers": 5, "carriers": 6, "row_length": 30.0, "picking_speed": 0.5},
     **{"dispatch": "nearest", "rows_to_pickers": "balanced", "order_in_row": "outward"},
@@ -161,3 +165,12 @@ def test_a_carrier_that_turns_gets_out_of_the_way() -> None:
 @pytest.mark.parametrize("degrees", [5.0, 60.0])
 def test_carriers_that_turn_slowly_or_fast_clear_their_line(degrees: float) -> None:
     assert_is_near(TURNING | {"carrying": {"turning": degrees}}, NEAR_IF_TURNED)
+
+
+@pytest.mark.parametrize("speed", [2.4, 2.5])
+@pytest.mark.parametrize("degrees", [55.0, 60.0])
+def test_fast_carriers_that_turn_fast_deliver_in_the_same_ticks(
+    speed: float, degrees: float
+) -> None:
+    """The bin of such a one is far off its place when it begins to turn, and does not hold it."""
+    assert_is_near(FAST | {"carrying": {"speed": speed, "turning": degrees}})

@@ -8,6 +8,9 @@ from quiet import NOBODY, laid_out
 
 from orchard.field.layout import Layout
 
+# m/s and degrees/s that a scenario allows at most.
+FASTEST = 2.5
+FASTEST_TURN = 60.0
 POLICIES = ("nearest", "predictive", "rolling", "assignment")
 
 
@@ -36,12 +39,12 @@ def drawn_values(chances: Random) -> dict[str, Any]:
     """Return what says what machines can, in a scenario."""
     return {
         "picking": {
-            "driving_speed": round(chances.uniform(0.5, 2.5), 2),
-            "turning": round(chances.choice([22.5, chances.uniform(5, 60)]), 1),
+            "driving_speed": _often_fastest(chances, 0.5, FASTEST),
+            "turning": round(chances.choice([22.5, _often_fastest(chances, 5, FASTEST_TURN)]), 1),
         },
         "carrying": {
-            "speed": round(chances.uniform(0.5, 2.5), 2),
-            "turning": round(chances.choice([22.5, chances.uniform(5, 60)]), 1),
+            "speed": _often_fastest(chances, 0.5, FASTEST),
+            "turning": round(chances.choice([22.5, _often_fastest(chances, 5, FASTEST_TURN)]), 1),
         },
         "handling": {
             "coupling": round(chances.choice([0.2, chances.uniform(0.2, 120)]), 1),
@@ -50,3 +53,9 @@ def drawn_values(chances: Random) -> dict[str, Any]:
             "unloading": round(chances.choice([5.0, chances.uniform(5, 300)]), 1),
         },
     }
+
+
+def _often_fastest(chances: Random, slowest: float, fastest: float) -> float:
+    """Return a value between two limits: that of the upper one in one of four draws."""
+    beyond = fastest + (fastest - slowest) / 3
+    return min(fastest, round(chances.uniform(slowest, beyond), 2))

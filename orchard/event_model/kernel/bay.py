@@ -61,12 +61,14 @@ def is_bay_endless(m):
 
 @inner
 def bins_before(m, carrier):
-    """Return how many bins the bay unloads, or takes before that of a carrier: those that stand
-    further on in it.
+    """Return how many bins the bay unloads, or takes before that of a carrier: those that it has
+    begun, and those that stand further on in it.
     """
     bins = 0
     for other in range(len(m.robots)):
-        if is_unloading(m, other) and m.robots[other].x > m.robots[carrier].x:
+        if not is_unloading(m, other):
+            continue
+        if m.robots[other].is_taken or m.robots[other].x > m.robots[carrier].x:
             bins += 1
     return bins
 

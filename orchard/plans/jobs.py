@@ -246,7 +246,7 @@ def _job(route: OneWay, filling: _Filling) -> TimedJob:
     first_lane = (side.place("D", 1), route.east.place("D", 1))
     joins = min(use.at for use in way if use.place in first_lane)
     exits = [_exit(trip, until=joins - stop) for trip in trips]
-    to_rest = [_seconds_to_rest(route, line, trip) for line, trip in enumerate(trips)]
+    to_rest = [_seconds_to_rest(route, trip) for trip in trips]
     return TimedJob(
         picker=filling.picker,
         lane=row,
@@ -308,20 +308,16 @@ def _exit(trip: Sequence[TimedStep], until: float) -> tuple[int, list[Use]]:
     return ticks(stop), [use for use in uses if use.at < until - ROUNDING]
 
 
-def _seconds_to_rest(route: OneWay, line: int, trip: Sequence[TimedStep]) -> float:
+def _seconds_to_rest(route: OneWay, trip: Sequence[TimedStep]) -> float:
     """Return how long a carrier drives from the bay until it stands behind the others of its line,
     s.
 
-    `line`: of the queue, from 0. It may be the last one to come there. It comes back from the
-    load-out in any case.
+    It may be the last one to come to a line that is full. It comes back from the load-out in any
+    case.
     """
-    layout = route.layout
-    carrier = layout.machines["carrier"]
-    count = layout.scenario.carrier_count
-    if not layout.first_charging:
-        # Carriers without batteries each have a place, and fill the lines in their order.
-        count -= line * route.queue.places
-    behind = (min(route.queue.places, count) - 1) * CLOSED_UP / carrier.speed
+    carrier = route.layout.machines["carrier"]
+    in_line = min(route.queue.places, route.layout.scenario.carrier_count)
+    behind = (in_line - 1) * CLOSED_UP / carrier.speed
     unloads = begin_of(Unload, trip)
     to_head = trip[-1].ends - unloads
     return max(to_head - behind, _back(trip, carrier) - unloads)

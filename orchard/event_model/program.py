@@ -17,12 +17,13 @@ from orchard.event_model import codes as c
 from orchard.event_model import columns
 from orchard.event_model.draws import has_failures
 from orchard.event_model.tables import Lines, PlaceLists, Table
-from orchard.event_model.writer import INSERTING, Writer, failing, handling, put_by, whole_ticks
+from orchard.event_model.writer import INSERTING, Writer, failing, handling, put_by
 from orchard.field.geometry import Pose, nearest_heading
 from orchard.field.kinds import number_of
 from orchard.field.layout import Layout
 from orchard.field.queue import BESIDE
 from orchard.field.scenario import TIME_STEP, Scenario
+from orchard.field.ticks import whole_ticks
 from orchard.plans import steps as st
 from orchard.plans.forecast import ALONG, EARLIER, until_full
 from orchard.plans.robot import Gate, Step

@@ -2,18 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import ceil
 from typing import Any, cast
 
 from orchard.field.geometry import Pose
 from orchard.field.machines import Machine
 from orchard.field.passes import Pass
-from orchard.field.scenario import TIME_STEP
 from orchard.plans import steps as st
 from orchard.plans.robot import Step
 
-# Ticks of rounding.
-ROUNDING = 1e-6
 # Steps that put others in their place.
 INSERTING = (st.Ahead, st.MoveTo, st.Repair)
 
@@ -70,8 +66,3 @@ def failing(writer: Writer) -> dict[str, float]:
     if step is None:
         return {}
     return {"mean_between": step.mean_between, "mean_repair": step.mean_repair}
-
-
-def whole_ticks(seconds: float) -> int:
-    """Return the ticks in which so many seconds are over."""
-    return ceil(seconds / TIME_STEP - ROUNDING)

@@ -3,15 +3,11 @@ bounds and the proof of the optimum take it.
 """
 
 from dataclasses import dataclass
-from math import ceil
 
 from orchard.field.kinds import KINDS
 from orchard.field.repeatable import PI
 from orchard.field.scenario import TIME_STEP, Scenario
-from orchard.field.ticks import QUICKEST_COUPLING, QUICKEST_UNCOUPLING
-
-# Ticks of rounding.
-_ROUNDING = 1e-6
+from orchard.field.ticks import QUICKEST_COUPLING, QUICKEST_UNCOUPLING, whole_ticks
 
 
 @dataclass(frozen=True)
@@ -77,8 +73,8 @@ def machine_of(scenario: Scenario, kind: str) -> Machine:
         turn = _radians(scenario.picking.turning)
     handling = scenario.handling
     load_out = scenario.load_out
-    driving = _ticks(load_out.seconds_on_the_way)
-    standing = _ticks(load_out.seconds)
+    driving = whole_ticks(load_out.seconds_on_the_way)
+    standing = whole_ticks(load_out.seconds)
     trailer = max(1, driving + standing) if load_out.has_trailers else 0
     if not load_out.is_of_carriers:
         driving = 0
@@ -86,14 +82,14 @@ def machine_of(scenario: Scenario, kind: str) -> Machine:
     return Machine(
         speed=speed,
         turn=turn,
-        coupling_ticks=_ticks(handling.coupling),
-        uncoupling_ticks=_ticks(handling.uncoupling),
-        exchange_ticks=_ticks(handling.exchange),
-        unloading_ticks=_ticks(handling.unloading),
+        coupling_ticks=whole_ticks(handling.coupling),
+        uncoupling_ticks=whole_ticks(handling.uncoupling),
+        exchange_ticks=whole_ticks(handling.exchange),
+        unloading_ticks=whole_ticks(handling.unloading),
         haul_driving_ticks=driving,
         haul_standing_ticks=standing,
         trailer_ticks=trailer,
-        truck_ticks=_ticks(load_out.truck.every or 0.0),
+        truck_ticks=whole_ticks(load_out.truck.every or 0.0),
     )
 
 
@@ -107,11 +103,6 @@ def haul_charge(scenario: Scenario, machine: Machine) -> float:
 def _radians(degrees: float) -> float:
     """Return an angle, rad. That of 22.5 degrees is PI / 8 to the last bit."""
     return PI * (degrees / 180.0)
-
-
-def _ticks(seconds: float) -> int:
-    """Return the whole ticks that a time takes."""
-    return ceil(seconds / TIME_STEP - _ROUNDING)
 
 
 def _rest(ticks: int, quickest: int) -> int:

@@ -8,6 +8,7 @@ from math import ceil, inf
 
 from orchard.event_model import codes as c
 from orchard.event_model.kernel.compiled import inner
+from orchard.event_model.kernel.motion import whole_ticks
 from orchard.event_model.kernel.places import tick_of
 from orchard.field.scenario import TIME_STEP
 from orchard.plans.robot import ASK
@@ -15,8 +16,6 @@ from orchard.plans.robot import ASK
 # Ticks for which a carrier asks its bin whether that wants it.
 CONFIRMED = ASK
 HOUR = 3600.0
-# Ticks.
-ROUNDING = 1e-6
 
 
 @inner
@@ -62,7 +61,7 @@ def ticks_to_flat(m, robot):
         return c.NEVER
     use_battery(m, robot, m.desk[0].standing)
     seconds = m.robots[robot].charge * m.desk[0].battery_hours * HOUR
-    return max(1, ceil(seconds / TIME_STEP - ROUNDING))
+    return max(1, whole_ticks(seconds))
 
 
 @inner

@@ -3,21 +3,15 @@
 `orchard.plans.failures` says how a failure splits the drive. Python fills the draws.
 """
 
-from math import ceil
-
 from orchard.event_model import codes as c
 from orchard.event_model.kernel.compiled import inner
-from orchard.event_model.kernel.motion import set_alarm
+from orchard.event_model.kernel.motion import set_alarm, whole_ticks
 from orchard.event_model.kernel.reports import hear_failed, hear_repaired, see_standing
-from orchard.field.scenario import TIME_STEP
 from orchard.plans import failures
 
 first_part = inner(failures.first_part)
 stop_of = inner(failures.stop_of)
 work_left = inner(failures.work_left)
-
-# Ticks of rounding.
-ROUNDING = 1e-6
 
 
 @inner
@@ -58,7 +52,7 @@ def await_repair(m, robot):
     me.repair -= part
     me.done += 1
     me.state = c.REPAIRED
-    set_alarm(m, robot, ceil(part / TIME_STEP - ROUNDING))
+    set_alarm(m, robot, whole_ticks(part))
 
 
 @inner

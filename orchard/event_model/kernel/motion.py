@@ -2,7 +2,10 @@
 
 from orchard.event_model import codes as c
 from orchard.event_model.kernel.compiled import inner
+from orchard.field import ticks
 from orchard.field.scenario import TIME_STEP
+
+whole_ticks = inner(ticks.whole_ticks)
 
 
 @inner

@@ -57,6 +57,13 @@ def test_a_share_or_a_range_of_a_value_can_be_named() -> None:
     }
 
 
+def test_the_rate_of_one_picker_can_be_moved() -> None:
+    assert ranges("picker_rates.picker_01=0.5..1", "picker_rates.picker_02=20%") == {
+        "picker_rates.picker_01": (0.5, 1.0),
+        "picker_rates.picker_02": (0.8, 1.2),
+    }
+
+
 def test_a_share_ends_at_what_a_value_can_be() -> None:
     assert ranges("handling.coupling=50%") == {"handling.coupling": (0.2, 0.3)}
 
@@ -76,6 +83,15 @@ def test_each_number_of_things_has_the_same_chance() -> None:
         ("dispatch=nearest,rolling", "only a number can be moved"),
         ("tractor=0..1", "only a number can be moved"),
         ("picking", "only a number can be moved"),
+        ("agents.picker_01=1..2", "only a number can be moved"),
+        ("shift.breaks.0=1..2", "only a number can be moved"),
+        ("survey.lanes=1..2", "only a number can be moved"),
+        ("sensors.rate=1..2", "unknown key"),
+        ("picking.spread.cv.more=1..2", "only a number can be moved"),
+        ("picker_rates.picker_01=0..1", "must lie between 0.05 and 20"),
+        ("picking.spread_of_pickers.cv=0.1..0.4", "has no effect"),
+        ("picking.failure.mean_repair=60..90", "set picking.failure.mean_between"),
+        ("chargers=1..3", "has no effect"),
         ("picking_rate=2..1", "this range is empty"),
         ("picking_rate=1,2", "must be KEY"),
         ("picking_rate=100%", "above 0 % and below 100 %"),

@@ -10,13 +10,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import floor, inf
 from types import MappingProxyType
-from typing import Any
+from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
-from orchard.field.decisions import decision_at
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario, other_ways, with_changes
+from orchard.field.scenario.effect import with_effect
 from orchard.field.scenario.schema import value_at
 from orchard.study.settings import SEED
 from orchard.study.spread import is_number
@@ -57,6 +58,8 @@ FORM = "must be KEY, KEY=LOW..HIGH or KEY=SHARE%, such as picking_rate=1.2..1.8 
 _NUMBER = r"\s*(-?(?:\d+\.?\d*|\.\d+))\s*"
 _RANGE = re.compile(rf"{_NUMBER}\.\.{_NUMBER}")
 _SHARE = re.compile(rf"{_NUMBER}%\s*")
+PICKER_RATES = "picker_rates"
+USUAL_RATE = 1.0  # of a picker that has no rate of its own
 # Key of a spread -> the key that says whether there is any.
 _OF_SPREADS = {
     "picking.spread.cv": "picking.spread.distribution",
@@ -105,6 +108,7 @@ def factors_of(scenario: Scenario, words: Sequence[str]) -> tuple[list[Factor], 
         try:
             factor = _factor_of(scenario, key, word)
             _demand_one_way(factor, factors)
+            _demand_effect(scenario, factor)
         except FactorError as fault:
             problems.append(Problem(f"--vary {word}", str(fault), key))
         except ScenarioError as error:
@@ -147,7 +151,7 @@ def _factor_of(scenario: Scenario, key: str, word: str) -> Factor:
         raise FactorError(FORM)
     if key == SEED:
         raise FactorError("the luck of the seed is told in any case; leave it out")
-    if decision_at(Scenario, key) is None and not _is_section(key):
+    if _is_unknown(key):
         # It says what is meant.
         with_changes(scenario, **{key: 1})
     value = _known_value(scenario, key)
@@ -208,6 +212,35 @@ def _rounded(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
 
 
+def _demand_effect(scenario: Scenario, factor: Factor) -> None:
+    """Raise FactorError if the result is the same wherever a value stands in its range."""
+    usual = _known_value(Scenario(), factor.key)
+    texts = []
+    for end in (factor.value(0.0), factor.value(1.0)):
+        # That a default has no effect is no fault of the scenario.
+        if end != usual:
+            texts.append(_in_vain(scenario, factor.key, end))
+    if all(texts):
+        raise FactorError(texts[0])
+
+
+def _in_vain(scenario: Scenario, key: str, value: float) -> str:
+    """Return why a value has no effect, and what would give it one; '' if it has."""
+    try:
+        changed = with_changes(scenario, **{key: value})
+    except ScenarioError:
+        # What is wrong with values that are moved together is told later.
+        return ""
+    try:
+        with_effect(changed, "--vary")
+    except ScenarioError as error:
+        for problem in error.problems:
+            first, *needed = problem.path.split(", ")
+            if first == key:
+                return f"{problem.text}; set {' and '.join(needed)}"
+    return ""
+
+
 def _demand_one_way(factor: Factor, factors: Sequence[Factor]) -> None:
     """Raise FactorError if another factor is the same value, said in the same or another way."""
     for known in factors:
@@ -222,6 +255,9 @@ def _demand_one_way(factor: Factor, factors: Sequence[Factor]) -> None:
 
 def _known_value(scenario: Scenario, key: str) -> float | None:
     """Return the number that holds for a key; None if there is none."""
+    section, _, name = key.rpartition(".")
+    if section == PICKER_RATES:
+        return scenario.picker_rates.get(name, USUAL_RATE)
     try:
         value = value_at(scenario, key)
     except AttributeError:
@@ -231,36 +267,57 @@ def _known_value(scenario: Scenario, key: str) -> float | None:
     return float(value) if is_number(value) else None
 
 
-def _field(key: str) -> Any:
-    """Return the field of a dotted path; None if there is none."""
-    model: Any = Scenario
+def _field(key: str) -> FieldInfo | None:
+    """Return the field of a dotted path, or of what a user names in a map; None if there is
+    none.
+    """
+    inside: Any = Scenario
     field = None
     for name in key.split("."):
-        if not (isinstance(model, type) and issubclass(model, BaseModel)):
+        if isinstance(inside, type) and issubclass(inside, BaseModel):
+            field = inside.model_fields.get(name)
+        elif get_origin(inside) is dict:
+            field = FieldInfo.from_annotation(get_args(inside)[1])
+        else:
             return None
-        field = model.model_fields.get(name)
         if field is None:
             return None
-        model = field.annotation
+        inside = field.annotation
     return field
 
 
-def _is_section(key: str) -> bool:
-    return _field(key) is not None
+def _is_unknown(key: str) -> bool:
+    """Whether a section has no such key, or there is no such section."""
+    if _field(key) is not None:
+        return False
+    section = key.rpartition(".")[0]
+    while section and _field(section) is None:
+        section = section.rpartition(".")[0]
+    kind = _kind(section) if section else Scenario
+    return isinstance(kind, type) and issubclass(kind, BaseModel)
+
+
+def _kind(key: str) -> Any:
+    """Return the type of a key's values; None if it has no field of its own."""
+    field = _field(key)
+    return None if field is None else field.annotation
 
 
 def _takes_numbers(key: str) -> bool:
     """Whether the values of a key are numbers."""
-    return _field(key).annotation in (int, float, int | None, float | None)
+    return _kind(key) in (int, float, int | None, float | None)
 
 
 def _is_whole(key: str) -> bool:
-    return _field(key).annotation in (int, int | None)
+    return _kind(key) in (int, int | None)
 
 
 def _limits(key: str) -> tuple[float, float]:
     """Return the least and the greatest value that the schema allows."""
-    limits = {type(limit).__name__: limit for limit in _field(key).metadata}
+    field = _field(key)
+    limits = {}
+    if field is not None:
+        limits = {type(limit).__name__: limit for limit in field.metadata}
     least = limits["Ge"].ge if "Ge" in limits else -inf
     most = limits["Le"].le if "Le" in limits else inf
     return float(least), float(most)

@@ -250,13 +250,28 @@ of things each number in the range has the same chance.
 
 "By itself" is the first-order effect of Sobol, "in all" the total one, both as shares of all
 variance of a run. The luck of the seed is a part of that: two runs with different rows, people and
-failures. In the long run rows take their mean times, so there it is small.
+failures. In the long run rows take their mean times, so there it is small. A last row says how much
+the fit does not tell, if it misses any. That may come from any value, so the interval of each
+reaches up by it. If only one value is moved, all but the luck comes from it.
 
 The runs stand at quasi-random points, two of them at each, with seeds of their own. The effects are
 those of a quadratic fit. A note says whether the fit misses more than the luck of the seeds (F
 test, 99.9 %), and then how much of what the values move it tells, at points that it has not seen. A
-fit that tells less than 90 % is said to be poor. Intervals are by bootstrap of the fit. `--picture`
-draws a tornado: the mean result at both ends of each value.
+fit that tells less than 90 % is said to be poor. One that tells less than 98 % has no "at low" and
+"at high": there it errs most. `--picture` draws a tornado: the mean result at both ends of each
+value.
+
+Intervals are by bootstrap of the fit. Of 60 made-up samples (three values, 32 points, known
+shares), the intervals of 95 % held the true share in:
+
+| result | luck of the seed | the values |
+|---|---|---|
+| luck alone | 97 % | 98 to 100 % |
+| a sum, 23 % of it luck | 93 % | 90 to 95 % |
+| with a product, 23 % of it luck | 92 % | 92 to 95 % |
+| a step of one value, 2 % of it luck | 95 % | 95 to 97 % |
+
+`python -m docs.coverage_of_shares` measures it again.
 
 ## Several blocks, one fleet
 

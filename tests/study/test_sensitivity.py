@@ -12,12 +12,15 @@ from stage import empty_orchard
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, parse, with_changes
 from orchard.study.options import StudyOptions
+from orchard.study.result import Interval
+from orchard.study.sensitivity import command
 from orchard.study.sensitivity import study as module
 from orchard.study.sensitivity.factors import Factor, factors_of
-from orchard.study.sensitivity.picture import save
+from orchard.study.sensitivity.picture import figure, save
 from orchard.study.sensitivity.result import SensitivityResult
 from orchard.study.sensitivity.study import sensitivity, sensitivity_problems
 from orchard.study.sensitivity.surrogate import design, points_for, shares_of
+from orchard.study.sensitivity.words import answer, rows_of
 
 RENT = """\
 rows: 26
@@ -151,12 +154,40 @@ def test_shares_are_those_of_a_sum_with_luck() -> None:
 
 
 def test_what_no_quadratic_tells_is_not_fitted() -> None:
+    """All comes from the first value, so its interval holds 1."""
+    points = design(2, 64, seed=1)
+    results = [[float(np.sin(20.0 * share))] * 2 for share in points[:, 0]]
+    shares = shares_of([A, B], points, results, 0.95, seed=1)
+    assert shares is not None
+    assert shares.fit < 0.3
+    assert shares.unfitted.mean > 0.7
+    assert shares.unfitted.low < shares.unfitted.mean
+    assert shares.total[0].high > 0.97
+
+
+def test_all_comes_from_the_only_value_that_is_moved() -> None:
     points = design(1, 64, seed=1)
     results = [[float(np.sin(20.0 * share))] * 2 for share in points[:, 0]]
     shares = shares_of([A], points, results, 0.95, seed=1)
     assert shares is not None
     assert shares.fit < 0.3
-    assert shares.unfitted > 0.7
+    assert shares.total[0] == shares.first_order[0] == Interval(mean=1.0, low=1.0, high=1.0)
+    assert shares.unfitted.mean == shares.luck.mean == 0.0
+
+
+def test_values_without_effect_may_have_none() -> None:
+    """Only the seed moves these results. Of 20 samples one may miss it by chance."""
+    nothing = 0
+    only_luck = 0
+    for seed in range(20):
+        points = design(2, 32, seed)
+        results = np.random.default_rng(seed).normal(100.0, 1.0, size=(32, 2))
+        shares = shares_of([A, B], points, list(map(list, results)), 0.95, seed)
+        assert shares is not None
+        nothing += all(total.low == 0.0 for total in shares.total)
+        only_luck += shares.luck.high == pytest.approx(1.0)
+    assert nothing >= 18
+    assert only_luck >= 18
 
 
 def test_too_few_points_tell_nothing() -> None:
@@ -223,3 +254,97 @@ def test_a_budget_that_is_too_small_is_told(found) -> None:
     assert not result.effects
     assert "2 points are too few" in result.answer
     assert any("the budget allowed 2 of 32 points" in note for note in result.notes)
+    assert not any("narrower" in note for note in result.notes)
+
+
+# -- in words
+
+
+def told(found, **changes: object) -> SensitivityResult:
+    """Return what is found of two values: of the first comes more than of the second."""
+    result = found(small_orchard(), "picking_speed=0.2..0.4", "carrying.speed=0.8..1.2")
+    return replace(result, **changes)
+
+
+def with_share(result: SensitivityResult, share: float) -> SensitivityResult:
+    """Return a result of which the first value has this share, and the second nothing."""
+    known = Interval(mean=share, low=share, high=share)
+    nothing = Interval(mean=0.0, low=0.0, high=0.0)
+    first = replace(result.effects[0], total=known)
+    second = replace(result.effects[1], total=nothing)
+    return replace(result, effects=[first, second])
+
+
+@pytest.mark.parametrize(
+    ("share", "words"),
+    [
+        (0.95, "Nearly all"),
+        (0.80, "Most"),
+        (0.66, "About two thirds"),
+        (0.57, "More than half"),
+        (0.50, "About half"),
+        (0.44, "About two fifths"),
+        (0.33, "About a third"),
+        (0.20, "The largest part"),
+    ],
+)
+def test_words_of_a_share_are_near_it(found, share: float, words: str) -> None:
+    assert f"{words} of what is unsure comes from carrying speed" in answer(
+        with_share(told(found), share)
+    )
+
+
+def test_no_value_is_first_if_the_fit_tells_less(found) -> None:
+    rest = Interval(mean=0.8, low=0.7, high=0.9)
+    result = with_share(replace(told(found), unfitted=rest), 0.2)
+    words = answer(result)
+    assert "Most of what is unsure is not told by the fit, and may come from any value" in words
+    assert "at least 20 ± 0 % from carrying speed" in words
+    assert "largest part" not in words
+    assert rows_of(result)[-1] == ["not told by the fit", "", "", "", "", "80 ± 10", "80 ± 10"]
+    drawn = [label.get_text() for label in figure(result).axes[0].get_yticklabels()]
+    assert drawn[-1] == "not told by the fit"
+
+
+def test_a_small_part_that_no_fit_tells_is_named(found) -> None:
+    rest = Interval(mean=0.1, low=0.1, high=0.1)
+    words = answer(with_share(told(found, unfitted=rest), 0.9))
+    assert "10 ± 0 % is not told by the fit" in words
+
+
+def test_nothing_matters_if_all_results_are_alike(found) -> None:
+    """A carrier that is a little slower costs less than 2 %, which is what counts."""
+    result = found(small_orchard(), "carrying.speed=0.99..1.01")
+    assert result.answer.startswith("Nothing that is moved matters: ")
+    assert "less than 2 % apart" in result.answer
+
+
+def test_no_fit_is_told_where_nothing_moves(found) -> None:
+    same = Interval(mean=14.0, low=14.0, high=14.0)
+    result = told(found, mean=14.0, spread=same)
+    assert "whatever is moved" in answer(result)
+    assert not any("the fit" in note for note in module._notes(result))
+
+
+def test_a_poor_fit_tells_no_ends(found) -> None:
+    """Three pickers on three to twelve rows: the last row is dear where it is picked alone."""
+    scenario = small_orchard(rows=6, pickers=3)
+    result = found(scenario, "rows=3..12")
+    assert result.fit < 0.9
+    assert result.effects[0].total.mean == 1.0
+    assert result.effects[0].at_low is result.effects[0].at_high is None
+    assert rows_of(result)[0][3:5] == ["", ""]
+    assert any("--vary rows=3,12" in note for note in result.notes)
+    assert figure(result)
+
+
+def test_the_middle_of_the_spread_is_the_mean(found) -> None:
+    result = found(small_orchard(), "picking_speed=0.1..0.6")
+    assert result.spread.mean == result.mean
+
+
+@pytest.mark.parametrize(("stopped_by", "is_told"), [("budget", True), ("stopped", False)])
+def test_only_a_short_budget_is_called_short(found, capsys, stopped_by, is_told) -> None:
+    result = replace(told(found), effects=[], stopped_by=stopped_by)
+    command._print(result, as_json=False)
+    assert ("the budget is too short" in capsys.readouterr().err) is is_told

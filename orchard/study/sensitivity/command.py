@@ -96,7 +96,7 @@ def _print(result: SensitivityResult, as_json: bool) -> None:
             print_line(f"- {note}")
     if result.stopped_by == "stopped":
         print_error(STOPPED)
-    if not result.effects:
+    elif not result.effects and result.stopped_by == "budget":
         print_error("the budget is too short: --budget")
 
 

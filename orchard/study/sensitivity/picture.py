@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from orchard.study.picture import COLOURS, INK, QUIET, WIDTH, style_axes, write_drawing
 from orchard.study.result import Interval
 from orchard.study.sensitivity.result import SensitivityResult
+from orchard.study.sensitivity.words import LUCK, UNFITTED
 from orchard.study.words import UNITS, key_words
 
 # Height of a value's bar, and of all else, inches.
@@ -25,23 +26,25 @@ ASIDE = 4.0
 # How both kinds of effects are drawn, and how far aside of their line.
 OF_TOTAL = {"aside": 0.12, "color": COLOURS[0], "marker": "o", "label": "in all"}
 OF_FIRST_ORDER = {"aside": -0.12, "color": COLOURS[3], "marker": "s", "label": "by itself"}
-LUCK = "luck of the seed"
 
 
 def figure(result: SensitivityResult) -> Figure:
     """Return the picture of a sensitivity."""
     names = [key_words(effect.key) for effect in result.effects]
-    count = len(names) + 1
+    rest = [(LUCK, result.luck)]
+    if result.unfitted.mean:
+        rest.append((UNFITTED, result.unfitted))
+    count = len(names) + len(rest)
     height = HEIGHT_OF_BAR * count + HEIGHT_OF_REST
     drawing = Figure(figsize=(WIDTH, height), layout="constrained")
     moved, shares = drawing.subplots(1, 2, sharey=True, width_ratios=[3, 2])
     _draw_tornado(moved, result)
-    _draw_shares(shares, result)
+    _draw_shares(shares, result, [share for _, share in rest])
     for axes in (moved, shares):
         style_axes(axes)
         axes.grid(axis="x", color=QUIET, alpha=0.25, lw=0.6)
         axes.xaxis.label.set_color(INK)
-    moved.set_yticks(range(count), [*names, LUCK])
+    moved.set_yticks(range(count), [*names, *(name for name, _ in rest)])
     moved.set_ylim(count - 0.5, -0.5)
     return drawing
 
@@ -49,9 +52,11 @@ def figure(result: SensitivityResult) -> Figure:
 def _draw_tornado(axes: Axes, result: SensitivityResult) -> None:
     """Draw a bar from the result at the low end of each value to that at the high end.
 
-    Beside each end stands the value that it is of.
+    Beside each end stands the value that it is of. Ends that are not told have no bar.
     """
     for place, effect in enumerate(result.effects):
+        if effect.at_low is None or effect.at_high is None:
+            continue
         for at_end, colour in ((effect.at_low, LOW_END), (effect.at_high, HIGH_END)):
             width = at_end - result.mean
             axes.barh(place, width, left=result.mean, height=0.6, color=colour, alpha=0.85)
@@ -60,7 +65,10 @@ def _draw_tornado(axes: Axes, result: SensitivityResult) -> None:
         _name_end(axes, place, ends[1], "left")
     axes.axvline(result.mean, color=INK, lw=1)
     axes.margins(x=0.18)
-    axes.set_xlabel(UNITS[result.goal])
+    unit = UNITS[result.goal]
+    if result.effects[0].at_low is None:
+        unit += " (the fit is too poor to tell the ends)"
+    axes.set_xlabel(unit)
 
 
 def _name_end(
@@ -80,16 +88,18 @@ def _name_end(
     )
 
 
-def _draw_shares(axes: Axes, result: SensitivityResult) -> None:
-    """Draw what each value shares of all variance: by itself, and in all."""
+def _draw_shares(axes: Axes, result: SensitivityResult, rest: Sequence[Interval]) -> None:
+    """Draw what each value shares of all variance: by itself, and in all. `rest`: what comes from
+    no value, below them.
+    """
     effects = result.effects
     _draw_points(axes, [effect.total for effect in effects], OF_TOTAL)
     _draw_points(axes, [effect.first_order for effect in effects], OF_FIRST_ORDER)
-    luck = result.luck
-    bars = [[100.0 * (luck.mean - luck.low)], [100.0 * (luck.high - luck.mean)]]
-    axes.errorbar(
-        [100.0 * luck.mean], [len(effects)], xerr=bars, color=QUIET, ls="", marker="o", ms=5
-    )
+    for place, share in enumerate(rest, start=len(effects)):
+        bars = [[100.0 * (share.mean - share.low)], [100.0 * (share.high - share.mean)]]
+        axes.errorbar(
+            [100.0 * share.mean], [place], xerr=bars, color=QUIET, ls="", marker="o", ms=5
+        )
     axes.set_xlim(-3.0, 103.0)
     axes.set_xlabel("of what is unsure, %")
     axes.legend(frameon=False, fontsize=8, loc="lower right", labelcolor=INK)

@@ -17,16 +17,19 @@ class Effect:
     low: float
     high: float
     #: The mean result where the value is at its low end, and the others are anywhere in theirs.
-    at_low: float
-    at_high: float
+    #: None: the fit is not good enough to tell it.
+    at_low: float | None
+    at_high: float | None
     #: By itself: what would be gone if this value were known.
     first_order: Interval
     #: With all in which it takes part: what would be left if all but this one were known.
     total: Interval
 
     @property
-    def swing(self) -> float:
-        """How far the mean result goes from one end to the other."""
+    def swing(self) -> float | None:
+        """How far the mean result goes from one end to the other; None if that is not told."""
+        if self.at_low is None or self.at_high is None:
+            return None
         return abs(self.at_high - self.at_low)
 
 
@@ -48,8 +51,8 @@ class SensitivityResult:
     spread: Interval
     #: Of all variance: of runs that differ only in their seeds.
     luck: Interval
-    #: Of all variance: what neither the fit nor the seeds tell.
-    unfitted: float
+    #: Of all variance: what neither the fit nor the seeds tell. It may come from any value.
+    unfitted: Interval
     #: How much of what the values move the fit tells: R2, without the luck of the seeds. It is that
     #: of points which the fit has not seen.
     fit: float

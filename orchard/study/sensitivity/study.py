@@ -36,6 +36,9 @@ from orchard.study.workers import Workers, processes, scheduled
 REPORT_SECONDS = 0.2
 # Of what the values move: a fit that tells less is said to be poor.
 GOOD_FIT = 0.9
+# From here on it tells the mean results at the ends too: there a fit errs most.
+FIT_OF_ENDS = 0.98
+NONE = Interval(mean=0.0, low=0.0, high=0.0)
 # More would need more than a thousand harvests.
 MOST_FACTORS = 16
 # Points that jam, of which the setting is named.
@@ -193,7 +196,8 @@ class _Sensitivity:
                 self.factors, np.array(rows), results, self.options.confidence, self.scenario.seed
             )
         values = np.concatenate(results) if results else np.zeros(1)
-        low, mean, high = np.percentile(values, [TAIL, 50.0, 100.0 - TAIL])
+        mean = float(np.mean(values))
+        low, high = np.percentile(values, [TAIL, 100.0 - TAIL])
         result = SensitivityResult(
             answer="",
             orchard=orchard_words(self.scenario, [factor.key for factor in self.factors]),
@@ -202,10 +206,10 @@ class _Sensitivity:
             within=self.options.within,
             confidence=self.options.confidence,
             effects=self._effects(shares),
-            mean=float(np.mean(values)),
-            spread=Interval(mean=float(mean), low=float(low), high=float(high)),
-            luck=Interval(mean=0.0, low=0.0, high=0.0) if shares is None else shares.luck,
-            unfitted=0.0 if shares is None else shares.unfitted,
+            mean=mean,
+            spread=Interval(mean=mean, low=float(low), high=float(high)),
+            luck=NONE if shares is None else shares.luck,
+            unfitted=NONE if shares is None else shares.unfitted,
             fit=0.0 if shares is None else shares.fit,
             points=len(results),
             points_asked=len(self.settings),
@@ -224,13 +228,15 @@ class _Sensitivity:
         if shares is None:
             return []
         effects = []
+        has_ends = shares.fit >= FIT_OF_ENDS
         for number, factor in enumerate(self.factors):
+            at_low, at_high = map(float, shares.ends[number])
             effect = Effect(
                 key=factor.key,
                 low=factor.low,
                 high=factor.high,
-                at_low=float(shares.ends[number, 0]),
-                at_high=float(shares.ends[number, 1]),
+                at_low=at_low if has_ends else None,
+                at_high=at_high if has_ends else None,
                 first_order=shares.first_order[number],
                 total=shares.total[number],
             )
@@ -240,26 +246,24 @@ class _Sensitivity:
 
 def _notes(result: SensitivityResult) -> list[str]:
     """Return what a reader must know beside the table."""
-    notes = []
-    if result.effects and result.luck.mean < 1.0:
-        notes.append(_fit_words(result))
-        if result.fit < GOOD_FIT:
-            notes.append("this fit is poor: smaller ranges, or fewer values, are told better")
+    notes = _fit_notes(result)
     small = []
     for effect in result.effects:
-        if effect.swing < result.within * abs(result.mean):
+        if effect.swing is not None and effect.swing < result.within * abs(result.mean):
             small.append(key_words(effect.key))
     if small:
         words = f"less than {100.0 * result.within:g} % from its low end to its high one"
         notes.append(f"each of these moves the mean by {words}: {', '.join(small)}")
     if result.stopped_by == "budget":
-        done = f"{result.points} of {result.points_asked} points"
-        notes.append(f"the budget allowed {done}; without it intervals are narrower: --budget")
+        words = f"the budget allowed {result.points} of {result.points_asked} points"
+        if result.effects:
+            words += "; without it intervals are narrower: --budget"
+        notes.append(words)
     if result.jammed:
         words = "; ".join(setting_words(values) for values in result.jammed[:MOST_JAMS_NAMED])
         count = f"{len(result.jammed)} of {result.points_asked} points"
         notes.append(f"{count} jammed, and are left out: {words}")
-    if result.horizon == "long":
+    if result.horizon == "long" and result.effects:
         notes.append(
             "in the long run rows take their mean times, so luck is small; --horizon harvest has"
             " that of one harvest"
@@ -267,10 +271,27 @@ def _notes(result: SensitivityResult) -> list[str]:
     return notes
 
 
+def _fit_notes(result: SensitivityResult) -> list[str]:
+    """Return what the fit tells, and what it does not; nothing where nothing moves the result."""
+    if not result.effects or result.spread.low == result.spread.high:
+        return []
+    notes = [_fit_words(result)]
+    if result.fit < GOOD_FIT:
+        notes.append("this fit is poor: smaller ranges, or fewer values, are told better")
+    if result.fit < FIT_OF_ENDS:
+        first = result.effects[0]
+        ends = f"--vary {first.key}={first.low:g},{first.high:g}"
+        notes.append(
+            f"at low and at high need a fit of {100.0 * FIT_OF_ENDS:g} %; a study without"
+            f" --sensitivity runs the ends themselves: {ends}"
+        )
+    return notes
+
+
 def _fit_words(result: SensitivityResult) -> str:
     """Return how well the fit tells what the values move."""
     runs = f"{result.points} points, {result.runs} runs"
-    if not result.unfitted:
+    if result.fit == 1.0:
         return f"the fit misses no more than seeds do ({runs})"
     words = f"the fit tells {100.0 * result.fit:.0f} % of what the values move"
     return f"{words} (R2, at points that it has not seen; {runs})"

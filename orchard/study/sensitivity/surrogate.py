@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 from scipy import special
-from scipy.stats import qmc, sobol_indices
+from scipy.stats import qmc
 
 from orchard.study.result import Interval
 from orchard.study.sensitivity.factors import Factor
@@ -55,12 +55,16 @@ def design(factors: int, points: int, seed: int) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class Shares:
-    """What is known of the variance of a run. Shares are of all of it, 0 to 1."""
+    """What is known of the variance of a run. Shares are of all of it, 0 to 1.
+
+    What the fit does not tell may come from any value, so the interval of each reaches up by it.
+    """
 
     first_order: list[Interval]
     total: list[Interval]
     luck: Interval
-    unfitted: float
+    #: 0 of one value alone: what its fit does not tell comes from it all the same.
+    unfitted: Interval
     fit: float
     #: The mean result at the low and at the high end of each value, (factors, 2).
     ends: Array
@@ -160,12 +164,10 @@ class _Parts:
     total: Array
     luck: float
     unfitted: float
-
-    @property
-    def fit(self) -> float:
-        """How much of what the values move the fit tells, 0 to 1."""
-        moved = 1.0 - self.luck - self.unfitted
-        return moved / (moved + self.unfitted) if moved > 0.0 else 0.0
+    #: How much of what the values move the fit tells, 0 to 1.
+    fit: float
+    #: Of what the fit tells: how much is more than the errors of its slopes, 0 to 1.
+    certain: float
 
 
 class _Fit:
@@ -188,18 +190,25 @@ class _Fit:
         drawn = np.asarray(sampler.random(SAMPLES), dtype=np.float64)
         places_a = _places(self.factors, drawn[:, :count])
         places_b = _places(self.factors, drawn[:, count:])
-        self.columns_a = self.terms.columns(places_a)
-        self.columns_b = self.terms.columns(places_b)
-        mixed = []
+        columns_a = _centred(self.terms.columns(places_a))
+        columns_b = _centred(self.terms.columns(places_b))
+        # A variance is a quadratic form of the slopes: first that of all values, then the parts.
+        self.of_all = columns_a.T @ columns_a / SAMPLES
+        first_orders = []
+        totals = []
         ends = []
         for number in range(count):
             of_value = places_a.copy()
             of_value[:, number] = places_b[:, number]
-            mixed.append(self.terms.columns(of_value))
+            moved = _centred(self.terms.columns(of_value)) - columns_a
+            # The estimators of Saltelli (2010) and of Jansen (1999).
+            first_orders.append(columns_b.T @ moved / SAMPLES)
+            totals.append(moved.T @ moved / (2 * SAMPLES))
             for end in (-1.0, 1.0):
                 of_value[:, number] = end
                 ends.append(self.terms.columns(of_value).mean(axis=0))
-        self.columns_ab = np.array(mixed)
+        self.of_first_orders = np.array(first_orders)
+        self.of_totals = np.array(totals)
         self.columns_of_ends = np.array(ends).reshape(count, 2, -1)
 
     def fitted(self, means: Array) -> Array:
@@ -213,6 +222,16 @@ class _Fit:
     def ends(self, means: Array) -> Array:
         """Return the mean result at the ends of each value, (factors, 2)."""
         return np.asarray(self.columns_of_ends @ (self.inverse @ means))
+
+    def _variances(self, forms: Array, means: Array, noise: float) -> Array:
+        """Return the variances that quadratic forms of the slopes tell, without that which the
+        errors of the slopes add. `noise`: the variance of a point's mean about the fit.
+        """
+        slopes = self.inverse @ means
+        errors = noise * self.inverse @ self.inverse.T
+        told = np.einsum("...ij,i,j->...", forms, slopes, slopes)
+        added = np.einsum("...ij,ij->...", forms, errors)
+        return np.asarray(np.maximum(0.0, told - added))
 
     def _luck_and_rest(self, means: Array, luck: Array) -> tuple[float, float]:
         """Return the variance of a run by its seed, and that which the fit does not tell.
@@ -234,37 +253,33 @@ class _Fit:
 
     def parts(self, means: Array, luck: Array) -> _Parts:
         """Return the parts of the variance. `luck`: the variance of the runs of each point."""
-        count = len(self.factors)
-        slopes = self.inverse @ means
-        results_a = self.columns_a @ slopes
-        of_values = float(np.var(results_a))
         of_seeds, missed = self._luck_and_rest(means, luck)
-        everything = of_values + of_seeds + missed
-        if of_values <= NOTHING * float(np.mean(means)) ** 2:
-            everything = max(everything, np.finfo(float).tiny)
-            nothing = np.zeros(count)
-            return _Parts(
-                first_order=nothing, total=nothing, luck=of_seeds / everything, unfitted=0.0
-            )
-        results_ab = self.columns_ab @ slopes
-        # scipy 1.17 fails with one value alone. Beside it stands one without any effect.
-        results_ab = np.vstack([results_ab, results_a])
-        # Of a small effect the estimate may be a little below 0.
-        effects = sobol_indices(
-            func={
-                "f_A": results_a.reshape(1, -1),
-                "f_B": (self.columns_b @ slopes).reshape(1, -1),
-                "f_AB": results_ab.reshape(count + 1, 1, -1),
-            },
-            n=SAMPLES,
-        )
-        of_all = of_values / everything
+        noise = of_seeds / RUNS_OF_A_POINT + missed
+        told = float(self._variances(self.of_all, means, 0.0))
+        of_values = float(self._variances(self.of_all, means, noise))
+        if max(told, missed) <= NOTHING * float(np.mean(means)) ** 2:
+            of_values = missed = 0.0
+        everything = max(of_values + of_seeds + missed, np.finfo(float).tiny)
+        # Together the values have no more than all of them.
+        first_order = np.minimum(of_values, self._variances(self.of_first_orders, means, noise))
+        total = np.minimum(of_values, self._variances(self.of_totals, means, noise))
+        unfitted = missed
+        if len(self.factors) == 1:
+            first_order = total = np.array([of_values + missed])
+            unfitted = 0.0
+        moved = max(of_values + missed, np.finfo(float).tiny)
         return _Parts(
-            first_order=np.clip(np.ravel(effects.first_order)[:count], 0.0, 1.0) * of_all,
-            total=np.clip(np.ravel(effects.total_order)[:count], 0.0, 1.0) * of_all,
+            first_order=first_order / everything,
+            total=total / everything,
             luck=of_seeds / everything,
-            unfitted=missed / everything,
+            unfitted=unfitted / everything,
+            fit=1.0 - missed / moved,
+            certain=of_values / max(told, np.finfo(float).tiny),
         )
+
+
+def _centred(columns: Array) -> Array:
+    return np.asarray(columns - columns.mean(axis=0))
 
 
 def _with_intervals(
@@ -272,35 +287,46 @@ def _with_intervals(
 ) -> Shares:
     """Return the shares, with intervals of fits to results that are drawn anew.
 
-    What a fit leaves at one point is added to what it tells at another one.
+    What a fit leaves at one point is added to what it tells at another one. Before that, the fit is
+    made as flat as it is without the errors of its slopes, which the drawn results have anew.
     """
     parts = fit.parts(means, luck)
     fitted = fit.fitted(means)
+    middle = float(np.mean(fitted))
+    flat = middle + (fitted - middle) * float(np.sqrt(parts.certain))
     left = (means - fitted) / np.sqrt(1.0 - fit.weights)
+    tail = 50.0 * (1.0 - confidence)
     drawn = []
     for _ in range(RESAMPLES):
         others = random.integers(len(left), size=len(left))
         seeds = random.integers(len(left), size=len(left))
-        drawn.append(fit.parts(fitted + left[others], luck[seeds]))
-    lucks = [np.array([each.luck]) for each in drawn]
+        drawn.append(fit.parts(flat + left[others], luck[seeds]))
+    rest = [each.unfitted for each in drawn]
     return Shares(
-        first_order=_intervals(parts.first_order, [each.first_order for each in drawn], confidence),
-        total=_intervals(parts.total, [each.total for each in drawn], confidence),
-        luck=_intervals(np.array([parts.luck]), lucks, confidence)[0],
-        unfitted=parts.unfitted,
+        first_order=_intervals(parts.first_order, [each.first_order for each in drawn], rest, tail),
+        total=_intervals(parts.total, [each.total for each in drawn], rest, tail),
+        luck=_interval(parts.luck, [each.luck for each in drawn], tail),
+        unfitted=_interval(parts.unfitted, rest, tail),
         fit=parts.fit,
         ends=fit.ends(means),
     )
 
 
-def _intervals(values: Array, drawn: Sequence[Array], confidence: float) -> list[Interval]:
-    """Return each value with the interval in which that share of the drawn ones lies."""
-    tail = 50.0 * (1.0 - confidence)
-    lows, highs = np.percentile(drawn, [tail, 100.0 - tail], axis=0)
+def _intervals(
+    values: Array, drawn: Sequence[Array], rest: Sequence[float], tail: float
+) -> list[Interval]:
+    """Return each value with its interval. `rest`: by how much each drawn one may be larger."""
     intervals = []
-    for value, low, high in zip(values, lows, highs, strict=True):
-        mean = float(value)
-        intervals.append(
-            Interval(mean=mean, low=min(mean, float(low)), high=max(mean, float(high)))
-        )
+    for number, value in enumerate(values):
+        lows = [float(each[number]) for each in drawn]
+        highs = [low + more for low, more in zip(lows, rest, strict=True)]
+        low = _interval(float(value), lows, tail).low
+        high = _interval(float(value), highs, tail).high
+        intervals.append(Interval(mean=float(value), low=low, high=min(1.0, high)))
     return intervals
+
+
+def _interval(value: float, drawn: Sequence[float], tail: float) -> Interval:
+    """Return a value with the interval outside which `tail` % of the drawn ones lie on a side."""
+    low, high = np.percentile(drawn, [tail, 100.0 - tail])
+    return Interval(mean=value, low=min(value, float(low)), high=max(value, float(high)))

@@ -1,5 +1,7 @@
 """How a sensitivity is said: the answer in a few sentences, and the table."""
 
+from collections.abc import Sequence
+
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
@@ -14,16 +16,22 @@ MOST_NAMED = 3
 # Shares of what is unsure, from which on it is said so.
 SHARE_WORDS = (
     (0.9, "nearly all"),
-    (0.7, "most"),
+    (0.72, "most"),
+    (0.62, "about two thirds"),
     (0.55, "more than half"),
-    (0.45, "half"),
-    (0.3, "a third"),
+    (0.45, "about half"),
+    (0.37, "about two fifths"),
+    (0.28, "about a third"),
 )
+LUCK = "luck of the seed"
+UNFITTED = "not told by the fit"
 HEADS = ("moved", "from", "to", "at low", "at high", "by itself, %", "in all, %")
 
 
 def answer(result: SensitivityResult) -> str:
     """Return the answer: how unsure the result is, and what that comes from."""
+    if result.jammed and not result.points:
+        return "All points that have run jammed: some robots waited for ever."
     if not result.points:
         return "No point has been run yet."
     digits = result.spread.high - result.spread.low
@@ -37,6 +45,9 @@ def answer(result: SensitivityResult) -> str:
         return f"{words}; {result.points} points are too few to say what that hangs on."
     if low == high:
         return f"{mean} {unit} whatever is moved. The orchard: {result.orchard}."
+    if result.spread.high - result.spread.low < result.within * abs(result.mean):
+        within = f"less than {100.0 * result.within:g} % apart"
+        return f"Nothing that is moved matters: {words}, {within}. The orchard: {result.orchard}."
     return f"{words}. {_sources(result)} The orchard: {result.orchard}."
 
 
@@ -48,10 +59,13 @@ def _sources(result: SensitivityResult) -> str:
     """Return from what it comes that the result is unsure."""
     named = [effect for effect in result.effects if effect.total.mean >= WORTH_NAMING]
     named = named[:MOST_NAMED]
+    largest = max([result.luck.mean, *(effect.total.mean for effect in named)])
+    if result.unfitted.mean >= largest:
+        return _untold(result, named)
     if not named or result.luck.mean > named[0].total.mean:
         sentence = f"{_share_words(result.luck.mean)} of what is unsure is the luck of the seed"
         parts = [f"{_percent(effect.total)} % comes from {_moved(effect)}" for effect in named]
-        return f"{'; '.join([sentence, *parts])}."
+        return f"{'; '.join([sentence, *parts, *_unfitted(result)])}."
     first = named[0]
     parts = [
         f"{_share_words(first.total.mean)} of what is unsure comes from {_moved(first)}:"
@@ -59,7 +73,23 @@ def _sources(result: SensitivityResult) -> str:
     ]
     parts += [f"{_percent(effect.total)} % from {_moved(effect)}" for effect in named[1:]]
     parts.append(f"the luck of the seed is {_percent(result.luck)} %")
+    return f"{'; '.join([*parts, *_unfitted(result)])}."
+
+
+def _untold(result: SensitivityResult, named: Sequence[Effect]) -> str:
+    """Return what is known where the fit does not tell the largest part: no value is the first."""
+    share = _share_words(result.unfitted.mean)
+    parts = [f"{share} of what is unsure is not told by the fit, and may come from any value"]
+    parts += [f"at least {_percent(effect.total)} % from {_moved(effect)}" for effect in named]
+    parts.append(f"the luck of the seed is {_percent(result.luck)} %")
     return f"{'; '.join(parts)}."
+
+
+def _unfitted(result: SensitivityResult) -> list[str]:
+    """Return how much the fit does not tell, if that is worth naming."""
+    if result.unfitted.mean < WORTH_NAMING:
+        return []
+    return [f"{_percent(result.unfitted)} % is not told by the fit"]
 
 
 def _share_words(share: float) -> str:
@@ -82,7 +112,9 @@ def _percent(share: Interval) -> str:
 
 
 def rows_of(result: SensitivityResult) -> list[list[str]]:
-    """Return the cells of the table, by HEADS: the values that are moved, then the luck."""
+    """Return the cells of the table, by HEADS: the values that are moved, the luck, and what the
+    fit does not tell, if there is any.
+    """
     digits = (result.spread.high - result.spread.low) / 10.0
     rows = []
     for effect in result.effects:
@@ -91,15 +123,23 @@ def rows_of(result: SensitivityResult) -> list[list[str]]:
                 effect.key,
                 f"{effect.low:g}",
                 f"{effect.high:g}",
-                number_words(effect.at_low, digits),
-                number_words(effect.at_high, digits),
+                _end(effect.at_low, digits),
+                _end(effect.at_high, digits),
                 _percent(effect.first_order),
                 _percent(effect.total),
             ]
         )
     luck = _percent(result.luck)
-    rows.append(["luck of the seed", "", "", "", "", luck, luck])
+    rows.append([LUCK, "", "", "", "", luck, luck])
+    if result.unfitted.mean:
+        rest = _percent(result.unfitted)
+        rows.append([UNFITTED, "", "", "", "", rest, rest])
     return rows
+
+
+def _end(mean: float | None, digits: float) -> str:
+    """Return the mean result at an end of a value; '' if it is not told."""
+    return "" if mean is None else number_words(mean, digits)
 
 
 def as_table(result: SensitivityResult) -> Table:

@@ -65,10 +65,10 @@ def bins_before(m, carrier):
     begun, and those that stand further on in it.
     """
     bins = 0
-    for other in range(len(m.robots)):
-        if not is_unloading(m, other):
+    for robot in range(len(m.robots)):
+        if not is_unloading(m, robot):
             continue
-        if m.robots[other].is_taken or m.robots[other].x > m.robots[carrier].x:
+        if m.robots[robot].is_taken or m.robots[robot].x > m.robots[carrier].x:
             bins += 1
     return bins
 

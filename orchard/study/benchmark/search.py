@@ -34,8 +34,8 @@ def searched(instance: Instance, tries: int) -> Instance:
     """Return an instance with the best schedule of each draw after so many changes of its order."""
     draws = []
     for draw in instance.draws:
-        found = _better(lay_out(instance.of_seed(draw.seed)), draw, tries)
-        draws.append(draw if found is None else replace(draw, best=found))
+        better = _better(lay_out(instance.of_seed(draw.seed)), draw, tries)
+        draws.append(draw if better is None else replace(draw, best=better))
     return replace(instance, draws=draws)
 
 
@@ -71,12 +71,12 @@ def _changed(order: Sequence[str], random: np.random.Generator) -> list[str]:
     changed = [*order]
     place = int(random.integers(len(order)))
     step = int(random.integers(1, FARTHEST + 1)) * int(random.choice([-1, 1]))
-    other = min(max(place + step, 0), len(order) - 1)
+    new_place = min(max(place + step, 0), len(order) - 1)
     if random.random() < 0.5:
-        changed.insert(other, changed.pop(place))
+        changed.insert(new_place, changed.pop(place))
         return changed
-    changed[place] = order[other]
-    changed[other] = order[place]
+    changed[place] = order[new_place]
+    changed[new_place] = order[place]
     return changed
 
 
@@ -84,9 +84,9 @@ def main(folder: Path, tries: int, names: Sequence[str]) -> None:
     """Search for each instance that is named, and write its file if a schedule is better."""
     known = instances()
     for name in names:
-        found = searched(known[name], tries)
-        (folder / f"{name}.json").write_bytes(as_file(found))
-        for draw in found.draws:
+        instance = searched(known[name], tries)
+        (folder / f"{name}.json").write_bytes(as_file(instance))
+        for draw in instance.draws:
             if draw.best is not None:
                 score = 100.0 * draw.proven_seconds / draw.best.seconds
                 print(f"{name}: {draw.best.seconds} s, {score:.1f} %, {draw.best.found_by}")

@@ -140,11 +140,11 @@ def _wrong_scores(submission: Submission) -> list[str]:
     problems = []
     scores = scores_of(submission.harvests)
     for instance in sorted({*scores} | {*submission.scores}):
-        told = submission.scores.get(instance)
+        submitted = submission.scores.get(instance)
         computed = scores.get(instance)
-        if told is None:
+        if submitted is None:
             problems.append(f"the score of {instance} is missing")
-        elif computed is None or abs(computed - told) > SCORE_ROUNDING:
+        elif computed is None or abs(computed - submitted) > SCORE_ROUNDING:
             problems.append(f"the score of {instance} is not that of its harvests")
     score = fmean(scores.values()) if scores else 0.0
     if abs(score - submission.score) > SCORE_ROUNDING:

@@ -229,9 +229,9 @@ class _Fit:
         """
         slopes = self.inverse @ means
         errors = noise * self.inverse @ self.inverse.T
-        told = np.einsum("...ij,i,j->...", forms, slopes, slopes)
+        of_slopes = np.einsum("...ij,i,j->...", forms, slopes, slopes)
         added = np.einsum("...ij,ij->...", forms, errors)
-        return np.asarray(np.maximum(0.0, told - added))
+        return np.asarray(np.maximum(0.0, of_slopes - added))
 
     def _luck_and_rest(self, means: Array, luck: Array) -> tuple[float, float]:
         """Return the variance of a run by its seed, and that which the fit does not tell.
@@ -255,9 +255,9 @@ class _Fit:
         """Return the parts of the variance. `luck`: the variance of the runs of each point."""
         of_seeds, missed = self._luck_and_rest(means, luck)
         noise = of_seeds / RUNS_OF_A_POINT + missed
-        told = float(self._variances(self.of_all, means, 0.0))
+        of_slopes = float(self._variances(self.of_all, means, 0.0))
         of_values = float(self._variances(self.of_all, means, noise))
-        if max(told, missed) <= NOTHING * float(np.mean(means)) ** 2:
+        if max(of_slopes, missed) <= NOTHING * float(np.mean(means)) ** 2:
             of_values = missed = 0.0
         everything = max(of_values + of_seeds + missed, np.finfo(float).tiny)
         # Together the values have no more than all of them.
@@ -274,7 +274,7 @@ class _Fit:
             luck=of_seeds / everything,
             unfitted=unfitted / everything,
             fit=1.0 - missed / moved,
-            certain=of_values / max(told, np.finfo(float).tiny),
+            certain=of_values / max(of_slopes, np.finfo(float).tiny),
         )
 
 

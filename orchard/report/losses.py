@@ -68,13 +68,20 @@ def _parts_without_traffic(layout: Layout) -> dict[str, float]:
     bin at once, s.
     """
     proven = proven_seconds(layout)
-    ideal = with_nothing_to_wait_for(with_endless_batteries(ideal_of(layout)))
     # On free roads a carrier may stop before its picker is out of its way, and be faster than is
     # proven.
-    schedule = max(seconds_on_free_roads(ideal), proven or 0.0)
+    schedule = max(seconds_without_waits(layout), proven or 0.0)
     if proven is None:
         return {"schedule": schedule}
     return {"optimum": proven, "dispatch": schedule - proven}
+
+
+def seconds_without_waits(layout: Layout) -> float:
+    """Return the length of a harvest on free roads, with batteries that last and a bay that takes
+    each bin at once, s.
+    """
+    ideal = with_nothing_to_wait_for(with_endless_batteries(ideal_of(layout)))
+    return seconds_on_free_roads(ideal)
 
 
 def _length_alone(layout: Layout, seconds: float) -> float:

@@ -3,8 +3,7 @@
 from functools import lru_cache
 
 from orchard.field.layout import KEPT_LAYOUTS, Layout
-from orchard.report.bounds import ideal_of, seconds_on_free_roads
-from orchard.report.losses import with_endless_batteries, with_nothing_to_wait_for
+from orchard.report.losses import seconds_without_waits
 from orchard.report.summary import clock
 
 
@@ -17,8 +16,7 @@ def notes_on_truck(layout: Layout) -> tuple[str, ...]:
     every = load_out.truck.every
     if every is None or load_out.empty_bins is None:
         return ()
-    ideal = with_nothing_to_wait_for(with_endless_batteries(ideal_of(layout)))
-    seconds = seconds_on_free_roads(ideal)
+    seconds = seconds_without_waits(layout)
     if every < seconds:
         return ()
     bins = layout.bins

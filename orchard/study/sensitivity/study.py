@@ -3,7 +3,8 @@
 import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -120,6 +121,18 @@ def _settings(scenario: Scenario, factors: Sequence[Factor], shares: Array) -> l
     return settings
 
 
+@dataclass
+class _DonePoints:
+    """The points of which all runs are done."""
+
+    #: Where each point stands between the ends of the values, 0 to 1.
+    shares: list[Sequence[float]] = field(default_factory=list)
+    #: What the runs of each point say of the goal.
+    results: list[list[float]] = field(default_factory=list)
+    #: The values of the points in which a run has jammed. They are in neither of the others.
+    jammed: list[dict[str, Any]] = field(default_factory=list)
+
+
 @dataclass(kw_only=True)
 class _Sensitivity:
     """The runs at all points, and what they tell."""
@@ -178,22 +191,16 @@ class _Sensitivity:
 
     def _result(self, runs: Replications, stopped_by: StoppedBy) -> SensitivityResult:
         """Return what the points tell of which all runs are done."""
-        rows = []
-        results = []
-        jammed = []
-        for number, setting in enumerate(self.settings):
-            records = runs.known(number, "fast")
-            if len(records) < (RUNS_OF_A_POINT if setting.is_random else 1):
-                continue
-            if any(record.ended == "jammed" for record in records):
-                jammed.append(setting.values)
-                continue
-            rows.append(self.shares[number])
-            results.append([self._value(setting, record) for record in records])
+        done = self._done_points(runs)
+        results = done.results
         shares = None
         if results:
             shares = shares_of(
-                self.factors, np.array(rows), results, self.options.confidence, self.scenario.seed
+                self.factors,
+                np.array(done.shares),
+                results,
+                self.options.confidence,
+                self.scenario.seed,
             )
         values = np.concatenate(results) if results else np.zeros(1)
         mean = float(np.mean(values))
@@ -214,7 +221,7 @@ class _Sensitivity:
             points=len(results),
             points_asked=len(self.settings),
             runs=sum(len(of_point) for of_point in results),
-            jammed=jammed,
+            jammed=done.jammed,
             stopped_by=stopped_by,
             wall_seconds=time.time() - self.begun,
             scenario=self.scenario.model_dump(),
@@ -222,6 +229,20 @@ class _Sensitivity:
         )
         result = replace(result, notes=_notes(result))
         return replace(result, answer=answer(result))
+
+    def _done_points(self, runs: Replications) -> _DonePoints:
+        """Return the points of which all runs are done."""
+        done = _DonePoints()
+        for number, setting in enumerate(self.settings):
+            records = runs.known(number, "fast")
+            if len(records) < (RUNS_OF_A_POINT if setting.is_random else 1):
+                continue
+            if any(record.ended == "jammed" for record in records):
+                done.jammed.append(setting.values)
+                continue
+            done.shares.append(self.shares[number])
+            done.results.append([self._value(setting, record) for record in records])
+        return done
 
     def _effects(self, shares: Shares | None) -> list[Effect]:
         """Return the effect of each value, the greatest first."""

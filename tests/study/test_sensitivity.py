@@ -257,6 +257,24 @@ def test_a_budget_that_is_too_small_is_told(found) -> None:
     assert not any("narrower" in note for note in result.notes)
 
 
+class EachFourthJams(FewRuns):
+    """Workers of whose runs each fourth one jams."""
+
+    def do(self, work, items, goes_on):
+        for number, (item, record) in enumerate(super().do(work, items, goes_on)):
+            yield item, replace(record, ended="jammed") if number % 4 == 0 else record
+
+
+def test_points_that_jam_are_left_out_and_named(monkeypatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(module, "processes", lambda count: nullcontext(EachFourthJams(32)))
+    scenario = small_orchard()
+    factors, _ = factors_of(scenario, ["picking_speed=0.2..0.4"])
+    options = StudyOptions(horizon="harvest", store=tmp_path / "s.db")
+    result = sensitivity(scenario, factors, options)
+    assert (result.points, len(result.jammed)) == (24, 8)
+    assert any("8 of 32 points jammed, and are left out" in note for note in result.notes)
+
+
 # -- in words
 
 

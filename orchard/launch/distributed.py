@@ -149,8 +149,9 @@ class LaunchedRun:
             if summary is None:
                 # The other processes do not know that the run is over.
                 self.supervisor.stop(STOP_SECONDS)
-                # On a busy machine physics has written its result only now.
-                summary, why = self._ended(file, hosts, (None, why))
+                if why == "stopped":
+                    # On a busy machine physics has written its result only now.
+                    summary, why = self._ended(file, hosts, (None, why))
             seconds = STOP_SECONDS if why == "stopped" else PACK_SECONDS
             await_exits(self.supervisor, [PHYSICS, *hosts], inbox, seconds)
             let_go(viewer, why == "stopped", say)

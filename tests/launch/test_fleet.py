@@ -161,8 +161,18 @@ def launched_by(fleet, folder):
     )
 
 
-def test_a_result_that_physics_writes_late_counts(fleet, tmp_path, monkeypatch):
-    """On a busy machine physics may need longer after Ctrl-C than the run is followed."""
+NEVER_BEGAN = "the run cannot begin without picker_01"
+
+
+@pytest.mark.parametrize(
+    ("why", "summary"),
+    [("stopped", {"broken_agents": [], "ticks": 5}), (NEVER_BEGAN, None)],
+)
+def test_a_result_that_physics_writes_late(fleet, tmp_path, monkeypatch, why, summary):
+    """Physics may need longer after Ctrl-C than the run is followed: its result counts.
+
+    A run that cannot begin keeps its reason, whatever physics writes when it is stopped.
+    """
     launched = launched_by(fleet, tmp_path)
     files = []
     end = End(fleet.run, 5, False, "stopped", "0" * 64, {"broken_agents": [], "ticks": 5})
@@ -173,9 +183,9 @@ def test_a_result_that_physics_writes_late_counts(fleet, tmp_path, monkeypatch):
             child.end()
 
     monkeypatch.setattr(launched, "_start", files.append)
-    monkeypatch.setattr(launched, "follow", lambda inbox: (None, "stopped"))
+    monkeypatch.setattr(launched, "follow", lambda inbox: (None, why))
     monkeypatch.setattr(fleet, "stop", stop)
-    assert launched.carry_out(Inbox()) == (end.summary, "stopped")
+    assert launched.carry_out(Inbox()) == (summary, why)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,4 @@
-"""The page as a workbench, in headless Chromium: past runs, links, several browsers, a phone,
-readers of the screen; and its study.
-"""
+"""Past runs, links, several browsers, a phone, accessibility and a study, in headless Chromium."""
 
 import json
 import os
@@ -22,61 +20,58 @@ from orchard.server.figures import RunFigures
 
 skip_without_packages()
 
-PHONE = (390, 844)  # pixels
+# Width and height of the screen, pixels.
+PHONE = (390, 844)
+# Ticks of a run whose summary is shown.
+SUMMARY_TICKS = 300
 
 
-def ended(folder, name, sim_seconds, mode="local", **changes):
-    """Leave the summary of a run in the folder of runs: of its first 30 s, but with another
-    time.
-    """
+def write_summary(folder, name, sim_seconds, mode="local", **changes):
+    """Write the summary of a run of 30 s, whose length is then said to be `sim_seconds`."""
     local = Local(Scenario(**changes))
     account = RunFigures(local.engine, time.monotonic)
-    while local.engine.tick < 300:
+    while local.engine.tick < SUMMARY_TICKS:
         account.update(local.tick())
-    (folder / f"{name}.json").write_text(
-        json.dumps(
-            account.summary() | {"mode": mode, "finished": False, "sim_seconds": sim_seconds}
-        )
-    )
+    summary = account.summary() | {"mode": mode, "finished": False, "sim_seconds": sim_seconds}
+    (folder / f"{name}.json").write_text(json.dumps(summary))
 
 
 @pytest.fixture(scope="module")
 def three_runs(server):
-    """Runs that have ended; the second differs from the first in two settings.
+    """Leave three runs in the folder of runs, older ones, and a file that is no run.
 
-    The third's mode looks like a page's code.
-
-    A file beside them is no run.
+    The second run differs from the first in two settings. The mode of the third looks like HTML.
+    The older runs fill another page of the list.
     """
-    for path in server[1].glob("*.json"):  # those of other tests
-        path.unlink()
-    (server[1] / "odd.json").write_text("<i>[]</i>")
-    ended(server[1], "first", 624.0, rows=3, seed=1)
-    ended(server[1], "second", 590.0, rows=4, seed=2)
-    (keyframe := server[1] / "first.snapshots" / "tick-000000000.keyframe").parent.mkdir()
-    keyframe.touch()  # enough for a time line
-    ended(server[1], "third", 30.0, mode="<b id=bold>local</b>", rows=3, seed=3)
-    old = [server[1] / f"old{number}.json" for number in range(8)]  # another page of the list
-    for path in old:
-        path.write_text(
-            (server[1] / "third.json")
-            .read_text()
-            .replace('"sim_seconds": 30.0', '"sim_seconds": 36000.0')
-        )
-        os.utime(path, (0.0, 0.0))
+    folder = server[1]
+    for left_by_other_tests in folder.glob("*.json"):
+        left_by_other_tests.unlink()
+    (folder / "odd.json").write_text("<i>[]</i>")
+    write_summary(folder, "first", 624.0, rows=3, seed=1)
+    write_summary(folder, "second", 590.0, rows=4, seed=2)
+    write_summary(folder, "third", 30.0, mode="<b id=bold>local</b>", rows=3, seed=3)
+
+    # An empty keyframe is enough for the time line of the first run.
+    snapshots = folder / "first.snapshots"
+    snapshots.mkdir()
+    (snapshots / "tick-000000000.keyframe").touch()
+
+    third = (folder / "third.json").read_text()
+    for number in range(8):
+        old = folder / f"old{number}.json"
+        old.write_text(third.replace('"sim_seconds": 30.0', '"sim_seconds": 36000.0'))
+        os.utime(old, (0.0, 0.0))
     yield
-    shutil.rmtree(keyframe.parent)
-    for path in (
-        *old,
-        *(server[1] / f"{name}.json" for name in ("first", "second", "third", "odd")),
-    ):
-        path.unlink()
+    shutil.rmtree(snapshots)
+    for summary in folder.glob("*.json"):
+        summary.unlink()
 
 
 @pytest.fixture
 def listed(browser, three_runs):
+    """Show the list of runs, with none of them chosen."""
     browser.turn_to("Runs")
-    browser.until(
+    browser.wait_until(
         lambda: "3 rows, 2 pickers, 2 carriers, seed 3" in browser.view("runs").text,
         "the runs are listed",
     )
@@ -90,56 +85,49 @@ def choose(browser, title):
 
 def compare_two(browser):
     choose(browser, "3 rows, 2 pickers, 2 carriers, seed 1")
-    browser.until(lambda: "seed 1" in browser.view("comparison").text, "the first one is shown")
+    browser.wait_until(
+        lambda: "seed 1" in browser.view("comparison").text, "the first one is shown"
+    )
     choose(browser, "4 rows, 2 pickers, 2 carriers, seed 2")
-    browser.until(lambda: "Side by side" in browser.view("comparison").text, "both are shown")
+    browser.wait_until(lambda: "Side by side" in browser.view("comparison").text, "both are shown")
 
 
 def cells(browser, name):
-    """A line of the comparison, without its name."""
-    lines = (
-        line.find_elements("css selector", "th, td")
-        for line in browser.view("comparison").find_elements("tag name", "tr")
-    )
-    return next([cell.text for cell in line[1:]] for line in lines if line[0].text == name)
+    """Return the texts of a line of the comparison, without its name."""
+    for line in browser.view("comparison").find_elements("tag name", "tr"):
+        title, *values = line.find_elements("css selector", "th, td")
+        if title.text == name:
+            return [value.text for value in values]
+    raise AssertionError(f"no line {name}")
 
 
 def test_past_runs_are_listed_and_compared_side_by_side(listed):
     compare_two(listed)
-    assert [cells(listed, "Rows"), cells(listed, "Seed"), cells(listed, "Bins")] == [
-        ["3", "4"],
-        ["1", "2"],
-        ["0 of 3", "0 of 4"],
-    ]
+    assert cells(listed, "Rows") == ["3", "4"]
+    assert cells(listed, "Seed") == ["1", "2"]
+    assert cells(listed, "Bins") == ["0 of 3", "0 of 4"]
     charts = listed.view("comparison").find_elements("css selector", "figure canvas")
-    assert len(charts) == 3 and all(chart.is_displayed() for chart in charts)
+    assert [chart.is_displayed() for chart in charts] == [True, True, True]
+
+    # When the first run is chosen again, it is no longer shown.
     choose(listed, "3 rows, 2 pickers, 2 carriers, seed 1")
     listed.press("use-scenario")
-    listed.until(
+    listed.wait_until(
         lambda: listed.field("rows").get_attribute("value") == "4",
         "the form has the scenario of the run that is left",
     )
-    simulated = next(
-        cell
-        for cell in listed.view("runs").find_elements("tag name", "th")
-        if "Simulated" in cell.text
-    )
-    listed.driver.execute_script(
-        "arguments[0].scrollIntoView({block: 'center'})", simulated
-    )  # not under the bar on top
+    # A click on the head of a column sorts the list by it. The head must not lie under the bar.
+    heads = listed.view("runs").find_elements("tag name", "th")
+    (simulated,) = [head for head in heads if "Simulated" in head.text]
+    listed.driver.execute_script("arguments[0].scrollIntoView({block: 'center'})", simulated)
     simulated.click()
     times = ["0:30 min", "9:50 min", "10:24 min"]
-    listed.until(
-        lambda: (
-            [
-                one
-                for one in re.findall("[0-9]+:[0-9]+ min", listed.view("runs").text)
-                if one in times
-            ]
-            == times
-        ),
-        "sorted",
-    )
+
+    def times_in_the_list():
+        shown = re.findall("[0-9]+:[0-9]+ min", listed.view("runs").text)
+        return [time for time in shown if time in times]
+
+    listed.wait_until(lambda: times_in_the_list() == times, "runs sorted by their length")
 
 
 def test_what_others_have_written_is_shown_as_text(listed):
@@ -153,31 +141,34 @@ def test_what_others_have_written_is_shown_as_text(listed):
 
 def test_a_link_holds_the_scenario(browser, server):
     browser.fill("rows", 8)
-    browser.until(lambda: browser.tree_lines() == 9, "a plan of 8 rows")
+    browser.wait_until(lambda: browser.tree_lines() == 9, "a plan of 8 rows")
     browser.press("link")
-    link = browser.until(lambda: browser.view("link").get_attribute("value"), "the link")
+    link = browser.wait_until(lambda: browser.view("link").get_attribute("value"), "the link")
     assert link == f"{server[0]}/?rows=8"
     browser.open(f"{server[0]}/?rows=9&seed=-3&pikers=2")
-    assert "did you mean pickers" in browser.until(
+    assert "did you mean pickers" in browser.wait_until(
         lambda: browser.view("link-question").text, "a question, which says what is unknown"
     )
     browser.press("open-link")
-    browser.until(lambda: browser.problem("seed"), "what is wrong is told at its field")
+    browser.wait_until(lambda: browser.problem("seed"), "what is wrong is told at its field")
     browser.open(link)
     browser.press("open-link")
-    browser.until(lambda: browser.tree_lines() == 9, "a plan of 8 rows")
+    browser.wait_until(lambda: browser.tree_lines() == 9, "a plan of 8 rows")
     assert not browser.problem("seed")
     browser.fill("rows", 7)
-    browser.until(lambda: browser.tree_lines() == 8, "a plan of 7 rows")
+    browser.wait_until(lambda: browser.tree_lines() == 8, "a plan of 7 rows")
     assert browser.driver.current_url == f"{server[0]}/", "a reload keeps what was entered since"
     browser.reload()
-    browser.until(lambda: browser.field("rows").get_attribute("value") == "7", "as it was left")
+    browser.wait_until(
+        lambda: browser.field("rows").get_attribute("value") == "7", "as it was left"
+    )
 
 
 @contextmanager
 def another_site(address, folder):
-    """A page on another site: a link to an orchard of 3 rows, and more images than there
-    are desks.
+    """Serve a page of another site: a link to an orchard of 3 rows, and 205 images of the page.
+
+    The page keeps 200 desks, so that many images could push out that of the user.
     """
     images = "".join(f"<img src='{address}/?rows=3&seed={number}'>" for number in range(205))
     words = f"<a id=link href='{address}/?rows=3'>your orchard</a>{images}"
@@ -194,38 +185,43 @@ def another_site(address, folder):
 
 def test_another_site_replaces_nothing_that_was_entered(browser, server, tmp_path):
     browser.fill("rows", 9)
-    browser.until(lambda: browser.tree_lines() == 10, "a plan of 9 rows")
+    browser.wait_until(lambda: browser.tree_lines() == 10, "a plan of 9 rows")
     with another_site(server[0], tmp_path) as site:
         browser.driver.get(site)
         browser.click("#link")
-        browser.until(lambda: browser.view("link-question").text, "a question")
+        browser.wait_until(lambda: browser.view("link-question").text, "a question")
         assert "You have entered: 9 rows" in browser.view("link-question").text
         assert "The link has: 3 rows" in browser.view("link-question").text
         browser.press("keep-entries")
-    browser.until(lambda: browser.tree_lines() == 10, "the plan of 9 rows")
+    browser.wait_until(lambda: browser.tree_lines() == 10, "the plan of 9 rows")
     browser.reload()
-    browser.until(lambda: browser.field("rows").get_attribute("value") == "9", "as it was entered")
+    browser.wait_until(
+        lambda: browser.field("rows").get_attribute("value") == "9", "as it was entered"
+    )
 
 
 def test_every_browser_has_its_own_draft(browser, server):
     browser.fill("rows", 9)
-    browser.until(lambda: browser.tree_lines() == 10, "a plan of 9 rows")
+    browser.wait_until(lambda: browser.tree_lines() == 10, "a plan of 9 rows")
     own = browser.driver.get_cookies()
-    browser.driver.delete_all_cookies()  # another browser
+    # Without cookies it is another browser for the page.
+    browser.driver.delete_all_cookies()
     browser.open(server[0])
-    browser.until(lambda: browser.tree_lines() == 6, "the default plan")
+    browser.wait_until(lambda: browser.tree_lines() == 6, "the default plan")
     browser.driver.delete_all_cookies()
     for cookie in own:
         browser.driver.add_cookie(cookie)
     browser.open(server[0])
-    browser.until(lambda: browser.tree_lines() == 10, "the plan of this browser")
+    browser.wait_until(lambda: browser.tree_lines() == 10, "the plan of this browser")
 
 
 @contextmanager
 def as_phone(browser):
-    size = dict(zip(("width", "height"), PHONE, strict=True))
+    """Within this the page has the screen of a phone."""
+    width, height = PHONE
     browser.driver.execute_cdp_cmd(
-        "Emulation.setDeviceMetricsOverride", size | {"deviceScaleFactor": 1, "mobile": True}
+        "Emulation.setDeviceMetricsOverride",
+        {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": True},
     )
     try:
         yield
@@ -234,7 +230,7 @@ def as_phone(browser):
 
 
 def test_on_a_phone_run_is_first_and_nothing_is_too_wide(listed):
-    """On a phone run is on the first screen and nothing is too wide."""
+    """The button Run is on the first screen, and the page is not wider than the phone."""
     with as_phone(listed):
         compare_two(listed)
         run = listed.one("[data-action=run]").rect
@@ -245,53 +241,65 @@ def test_on_a_phone_run_is_first_and_nothing_is_too_wide(listed):
 
 
 def violations(browser):
-    """What axe finds, once the page does not move any more. The picture's viewer is Rerun's own."""
+    """Return what axe finds once the page moves no more, but in the viewer, which is Rerun's own.
+
+    The package of axe is imported here, because it may be missing.
+    """
     from axe_core_python.selenium import Axe
 
-    browser.until(
+    browser.wait_until(
         lambda: not browser.driver.execute_script("return document.getAnimations().length"),
         "the page is at rest",
     )
-    browser.until(
+    browser.wait_until(
         lambda: browser.driver.execute_script("return document.fonts.status") == "loaded",
         "icons are icons, not their names",
     )
-    found = Axe().run(browser.driver, options={"iframes": 0, "resultTypes": ["violations"]})[
-        "violations"
-    ]
-    return [f"{rule['id']}: {node['html']}" for rule in found for node in rule["nodes"]]
+    results = Axe().run(browser.driver, options={"iframes": 0, "resultTypes": ["violations"]})
+    lines = []
+    for rule in results["violations"]:
+        lines += [f"{rule['id']}: {node['html']}" for node in rule["nodes"]]
+    return lines
 
 
 def test_axe_finds_no_violation(listed):
-    assert [
-        element.tag_name for element in listed.driver.find_elements("css selector", "h1, main")
-    ] == ["h1", "main"]
+    """axe-core looks for what people lack who use a keyboard or a screen reader."""
+    landmarks = listed.driver.find_elements("css selector", "h1, main")
+    assert [element.tag_name for element in landmarks] == ["h1", "main"]
     assert listed.one("html").get_attribute("lang") == "en-US"
+
     compare_two(listed)
     for _ in ("light", "dark"):
         assert violations(listed) == []
         was_dark = is_dark(listed)
         listed.press("dark")
-        listed.until(lambda was_dark=was_dark: is_dark(listed) != was_dark, "the other colours")
+        listed.wait_until(
+            lambda was_dark=was_dark: is_dark(listed) != was_dark, "the other colours"
+        )
     choose(listed, "4 rows, 2 pickers, 2 carriers, seed 2")
-    listed.until(lambda: listed.view("moment").is_displayed(), "the time line of the first one")
+    listed.wait_until(
+        lambda: listed.view("moment").is_displayed(), "the time line of the first one"
+    )
     assert violations(listed) == []
     with as_phone(listed):
         assert violations(listed) == []
         assert (
             listed.driver.execute_script("return document.documentElement.scrollWidth") <= PHONE[0]
         )
+
     for view in ("Messages", "Summary", "Plan"):
         listed.turn_to(view)
         assert violations(listed) == []
+
     listed.fill("rows", 999)
-    listed.until(lambda: listed.problem("rows"), "a problem")
+    listed.wait_until(lambda: listed.problem("rows"), "a problem")
     assert violations(listed) == []
     with as_phone(listed):
         assert violations(listed) == []
+
     listed.fill("rows", 5)
     listed.press("link")
-    listed.until(lambda: listed.view("link").is_displayed(), "the link")
+    listed.wait_until(lambda: listed.view("link").is_displayed(), "the link")
     assert violations(listed) == []
 
 
@@ -302,26 +310,27 @@ def is_dark(browser):
 def test_dark_stays_after_a_reload(browser):
     was_dark = is_dark(browser)
     browser.press("dark")
-    browser.until(lambda: is_dark(browser) != was_dark, "the other colours")
+    browser.wait_until(lambda: is_dark(browser) != was_dark, "the other colours")
     browser.reload()
-    browser.until(lambda: is_dark(browser) != was_dark, "still")
+    browser.wait_until(lambda: is_dark(browser) != was_dark, "still")
     browser.press("dark")
-    browser.until(lambda: is_dark(browser) == was_dark, "as before")
+    browser.wait_until(lambda: is_dark(browser) == was_dark, "as before")
 
 
+# An orchard without people and animals.
 EMPTY = {"people.workers": 0, "people.visitors": 0, "animals.dogs": 0, "animals.cats": 0}
 
 
-def state(page, words, seconds=PATIENCE):
-    page.until(
-        lambda: page.view("study-state").text.lower() == words, f"the study is {words}", seconds
+def wait_for_study(page, state, seconds=PATIENCE):
+    page.wait_until(
+        lambda: page.view("study-state").text.lower() == state, f"the study is {state}", seconds
     )
 
 
 def reload_keeps_what_was_entered(page):
     page.reload()
     page.unfold("study-more")
-    page.until(
+    page.wait_until(
         lambda: page.field("study-budget").get_attribute("value") == "90",
         "a reload keeps what was entered",
     )
@@ -331,70 +340,76 @@ def test_a_study_is_asked_grows_answers_and_leads_to_a_run(browser):
     page = browser
     for path, value in {"rows": 3, **EMPTY}.items():
         page.fill(path, value)
-    page.until(lambda: page.tree_lines() == 4, "a plan of 3 rows")
-    page.fill("duration", 60)  # now it can be cleared
+    page.wait_until(lambda: page.tree_lines() == 4, "a plan of 3 rows")
+    page.fill("duration", 60)
     page.unfold("study-more")
-    page.until(lambda: page.field("study-budget").is_displayed(), "what to compare")
+    page.wait_until(lambda: page.field("study-budget").is_displayed(), "what to compare")
     page.fill("study-budget", 0)
-    page.until(lambda: "Time to take, s: must be" in page.problem("study"), "what is wrong")
+    page.wait_until(lambda: "Time to take, s: must be" in page.problem("study"), "what is wrong")
     assert not page.one("[data-action=study-start]").is_enabled()
     assert violations(page) == []
     page.fill("study-budget", 90)
     reload_keeps_what_was_entered(page)
     page.switch("prices.carrier_per_hour-automatic", False)
     page.fill("prices.carrier_per_hour", 6)
-    page.until(lambda: not page.problem("prices.carrier_per_hour"), "a price")
+    page.wait_until(lambda: not page.problem("prices.carrier_per_hour"), "a price")
     page.press("study-start")
-    state(page, "finished")
-    page.until(
+    wait_for_study(page, "finished")
+    page.wait_until(
         lambda: len(page.view("study-table").find_elements("css selector", "tr")) > 2,
         "a line for each setting",
     )
-    assert (
-        "The orchard: 3 rows of 70 m, one bin a row, 2 pickers, two-way, rolling dispatch"
-        in page.view("answer").text
+    answer = page.view("answer").text
+    assert "The orchard: 3 rows of 70 m, one bin a row, 2 pickers, two-way, rolling dispatch" in (
+        answer
     )
-    assert "a bin" in page.view("answer").text and page.view("answer").text.split()[1].startswith(
-        "carrier"
-    )
-    page.until(
+    # The answer begins with a number of carriers, and says what a bin costs.
+    assert answer.split()[1].startswith("carrier")
+    assert "a bin" in answer
+    page.wait_until(
         lambda: "cost of a bin" in page.view("study-picture").text, "the picture of the costs"
     )
     assert violations(page) == []
     with as_phone(page):
         assert violations(page) == []
         assert page.driver.execute_script("return document.documentElement.scrollWidth") <= PHONE[0]
-    second = (
-        page.view("study-table")
-        .find_elements("css selector", "tbody tr, tr")[2]
-        .find_element("css selector", "th")
-        .text.split()[0]
-    )
+    # The second setting of the table, below the line of its heads, is taken over into the form.
+    _, _, second, *_ = page.view("study-table").find_elements("css selector", "tbody tr, tr")
+    carriers = second.find_element("css selector", "th").text.split()[0]
     page.press("study-use-1")
-    page.until(
-        lambda: page.field("carriers").get_attribute("value") == second, "the form has the setting"
+    page.wait_until(
+        lambda: page.field("carriers").get_attribute("value") == carriers,
+        "the form has the setting",
     )
-    assert page.one("[data-action=run]").is_enabled(), "and it can be run and watched"
+    assert page.one("[data-action=run]").is_enabled()
 
+    stop_a_long_study(page)
+
+
+def stop_a_long_study(page):
+    """Start a study that takes long, stop it, and see that its answer so far stays."""
     page.fill("rows", 20)
     page.fill("pickers", 10)
-    page.until(lambda: page.tree_lines() == 21, "an orchard whose study takes long")
+    page.wait_until(lambda: page.tree_lines() == 21, "an orchard whose study takes long")
     page.pick("study-dispatch", "predictive")
     page.escape()
     page.choose("horizon", "one harvest")
     page.fill("study-budget", 600)
     page.press("study-start")
-    page.until(lambda: "with predictive" in page.view("answer").text, "it grows", PATIENCE)
-    state(page, "running")
+    page.wait_until(
+        lambda: "with predictive" in page.view("answer").text, "an answer so far", PATIENCE
+    )
+    wait_for_study(page, "running")
     page.press("study-stop")
-    state(page, "stopped")
-    page.until(
-        lambda: page.view("study-table").find_elements("css selector", "tr"), "what is known"
+    wait_for_study(page, "stopped")
+    page.wait_until(
+        lambda: page.view("study-table").find_elements("css selector", "tr"), "a table so far"
     )
-    assert (
-        "with predictive" in page.view("answer").text and "long run" not in page.view("answer").text
-    )
-    page.pick("study-dispatch", "predictive")  # no more, for the tests that come
+    answer = page.view("answer").text
+    assert "with predictive" in answer
+    assert "long run" not in answer
+    # The tests that follow find the policy not chosen, as it was.
+    page.pick("study-dispatch", "predictive")
     page.escape()
 
 
@@ -402,17 +417,18 @@ def test_a_deadline_is_entered_and_the_fleet_is_told(browser):
     page = browser
     for path, value in {"rows": 3, **EMPTY}.items():
         page.fill(path, value)
-    page.until(lambda: page.tree_lines() == 4, "a plan of 3 rows")
+    page.wait_until(lambda: page.tree_lines() == 4, "a plan of 3 rows")
     page.fill("study-deadline", "soon")
-    page.until(lambda: "Done within: must be" in page.problem("study"), "what is wrong")
+    page.wait_until(lambda: "Done within: must be" in page.problem("study"), "what is wrong")
     assert not page.one("[data-action=study-start]").is_enabled()
     page.fill("study-deadline", "1")
-    page.until(lambda: page.problem("study") == "", "a deadline")
+    page.wait_until(lambda: page.problem("study") == "", "a deadline")
     assert page.one("[data-action=study-start]").text.endswith("Which fleet?")
     assert violations(page) == []
     page.press("study-start")
-    state(page, "finished")
+    wait_for_study(page, "finished")
     answer = page.view("answer").text
-    assert "finish in 0:" in answer and "within 1 h of work" in answer
+    assert "finish in 0:" in answer
+    assert "within 1 h of work" in answer
     assert violations(page) == []
     page.fill("study-deadline", "")

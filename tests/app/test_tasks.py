@@ -8,13 +8,13 @@ from selenium.webdriver.common.keys import Keys
 skip_without_packages()
 
 PHONE = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
-# Presses of Tab from one thing to the next one, at most: all of the page has fewer.
+# The most presses of Tab from one field to another: the whole page has fewer stops.
 MOST_TABS = 150
 
 
 @pytest.fixture
 def keyboard(browser):
-    """The page as it opens, without a mouse: the focus is where a reload leaves it."""
+    """Reload the page, so the focus is where a user without a mouse finds it."""
     browser.reload()
     return browser
 
@@ -24,7 +24,7 @@ def press(page, *keys):
 
 
 def tab_to(page, name):
-    """Go on by Tab to the thing with this name for tests, as a field or as a button."""
+    """Press Tab until the focus is on the field or button with this name."""
     look = "const it = document.activeElement; return it.dataset.field || it.dataset.action"
     for _ in range(MOST_TABS):
         press(page, Keys.TAB)
@@ -38,14 +38,14 @@ def test_rows_are_entered_and_asked_without_a_mouse(keyboard):
     for path, typed in {"rows": "12", "row_width": "4,5", "pickers": "3"}.items():
         tab_to(keyboard, path)
         press(keyboard, typed)
-    keyboard.until(lambda: keyboard.tree_lines() == 13, "a plan of 12 rows")
+    keyboard.wait_until(lambda: keyboard.tree_lines() == 13, "a plan of 12 rows")
     assert keyboard.field("row_width").get_attribute("value") == "4,5"
     tab_to(keyboard, "study-start")
     press(keyboard, Keys.ENTER)
-    keyboard.until(lambda: keyboard.view("answer").text, "the study begins")
+    keyboard.wait_until(lambda: keyboard.view("answer").text, "the study begins")
     tab_to(keyboard, "study-stop")
     press(keyboard, Keys.ENTER)
-    keyboard.until(
+    keyboard.wait_until(
         lambda: keyboard.view("study-state").text.lower() == "stopped", "it can be stopped, too"
     )
 
@@ -53,26 +53,28 @@ def test_rows_are_entered_and_asked_without_a_mouse(keyboard):
 def test_a_preset_is_undone_without_a_mouse(keyboard):
     tab_to(keyboard, "rows")
     press(keyboard, "12")
-    keyboard.until(lambda: keyboard.tree_lines() == 13, "a plan of 12 rows")
+    keyboard.wait_until(lambda: keyboard.tree_lines() == 13, "a plan of 12 rows")
     keyboard.click("[data-preset=hand_picking]")
-    keyboard.until(lambda: keyboard.tree_lines() == 27, "the preset")
+    keyboard.wait_until(lambda: keyboard.tree_lines() == 27, "the preset")
     tab_to(keyboard, "undo")
     press(keyboard, Keys.SPACE)
-    keyboard.until(lambda: keyboard.tree_lines() == 13, "his rows")
+    keyboard.wait_until(lambda: keyboard.tree_lines() == 13, "the user's rows")
 
 
 def test_rows_are_entered_on_a_phone(browser):
-    """In the order of the page: rows, then the question. Nothing is wider than the screen."""
+    """The fields stand above the button that asks, and nothing is wider than the screen."""
     browser.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", PHONE)
     try:
         browser.fill("rows", 12)
         browser.fill("crop.tonnes_per_hectare", 40)
-        browser.until(
+        browser.wait_until(
             lambda: "Fruit in a bin = unknown" in browser.problem("crop.tonnes_per_hectare"),
             "the other half is asked for",
         )
         browser.fill("crop.kilograms_per_bin", "350,5")
-        browser.until(lambda: "bins a row" in browser.view("conversion").text, "what it comes to")
+        browser.wait_until(
+            lambda: "bins a row" in browser.view("conversion").text, "what it comes to"
+        )
         tops = [
             browser.one(css).rect["y"] for css in ("[data-field=rows]", "[data-action=study-start]")
         ]

@@ -69,8 +69,8 @@ class Browser:
     def __init__(self, driver: webdriver.Chrome) -> None:
         self.driver = driver
 
-    def until(self, holds: Callable[[], Any], what: str, seconds: float = PATIENCE) -> Any:
-        """Wait until something holds.
+    def wait_until(self, holds: Callable[[], Any], what: str, seconds: float = PATIENCE) -> Any:
+        """Wait until `holds` returns something true, and return that. `what` names it in a failure.
 
         Each look costs the browser a layout, so the pauses grow with the wait.
         """
@@ -108,7 +108,7 @@ class Browser:
         """Click on the default orchard. Return whether it is shown before long."""
         self.click("[data-preset=default]")
         with suppress(AssertionError):
-            self.until(self._is_default, "the default orchard", CLICK_AGAIN)
+            self.wait_until(self._is_default, "the default orchard", CLICK_AGAIN)
             return True
         return False
 
@@ -125,7 +125,7 @@ class Browser:
 
         Before, NiceGUI may load the page again, and what was clicked is lost.
         """
-        self.until(
+        self.wait_until(
             lambda: self.driver.execute_script("return window.did_handshake"),
             "the page is connected",
         )
@@ -141,7 +141,7 @@ class Browser:
         )
 
     def one(self, css: str) -> WebElement:
-        return self.until(
+        return self.wait_until(
             lambda: next(iter(self.driver.find_elements(By.CSS_SELECTOR, css)), None),
             f"{css} is on the page",
         )
@@ -162,7 +162,7 @@ class Browser:
 
     @fresh
     def click(self, css: str) -> None:
-        self.until(lambda: self._clicked(css), f"{css} can be clicked")
+        self.wait_until(lambda: self._clicked(css), f"{css} can be clicked")
 
     def _clicked(self, css: str) -> bool:
         return self._pressed(self.one(css))
@@ -192,7 +192,7 @@ class Browser:
 
     @fresh
     def choose(self, path: str, words: str) -> None:
-        self.until(lambda: self._pressed(self._button(path, words)), f"{words} can be chosen")
+        self.wait_until(lambda: self._pressed(self._button(path, words)), f"{words} can be chosen")
 
     def _button(self, path: str, words: str) -> WebElement:
         return next(
@@ -203,7 +203,7 @@ class Browser:
 
     @fresh
     def pick(self, path: str, words: str) -> None:
-        self.until(lambda: self._picked(path, words), f"{words} can be picked")
+        self.wait_until(lambda: self._picked(path, words), f"{words} can be picked")
 
     def _picked(self, path: str, words: str) -> bool:
         """Whether it could be picked.
@@ -222,7 +222,7 @@ class Browser:
         self.choose("stage", view)
 
     def unchoose_runs(self) -> None:
-        self.until(lambda: not self._unchoose(), "no run is chosen")
+        self.wait_until(lambda: not self._unchoose(), "no run is chosen")
 
     def _unchoose(self) -> list[WebElement]:
         chosen = self.driver.find_elements(By.CSS_SELECTOR, "[data-view=runs] [aria-checked=true]")
@@ -236,10 +236,16 @@ class Browser:
     def press(self, action: str) -> None:
         self.click(f"[data-action={action}]")
 
+    def open_file(self, file: Path, text: str) -> None:
+        """Write a scenario file, and open it on the page."""
+        file.write_text(text)
+        self.one("input[type=file]").send_keys(str(file))
+
     def saved(self, downloads: Path) -> Path:
+        """Save the scenario, and return the file that the browser has downloaded."""
         before = set(downloads.iterdir())
         self.press("save")
-        return self.until(
+        return self.wait_until(
             lambda: next((path for path in downloads.glob("*.yaml") if path not in before), None),
             "a file is saved",
         )
@@ -247,7 +253,7 @@ class Browser:
     @fresh
     def fill(self, path: str, value: object) -> None:
         """Replace the text of a field, as soon as it can be filled in; '' leaves it empty."""
-        self.until(
+        self.wait_until(
             lambda: self.field(path).is_displayed() and self.field(path).is_enabled(),
             f"{path} can be filled in",
         )
@@ -284,5 +290,7 @@ class Browser:
             for page in pages:
                 page.resume()
 
-    def tell_state(self, state: str, seconds: float = PATIENCE) -> None:
-        self.until(lambda: self.view("state").text.lower() == state, f"the run is {state}", seconds)
+    def wait_for_state(self, state: str, seconds: float = PATIENCE) -> None:
+        self.wait_until(
+            lambda: self.view("state").text.lower() == state, f"the run is {state}", seconds
+        )

@@ -162,7 +162,7 @@ def test_a_recording_opens_at_its_beginning_with_robots(address: str, tmp_path: 
     with chromium_with(tmp_path / "profile", tmp_path, SOFTWARE) as browser:
         browser.driver.set_window_size(900, 700)
         browser.driver.get(address)
-        browser.until(
+        browser.wait_until(
             lambda: pixels(browser, STATES["picking"]) > 20, "pins of robots that pick", PATIENCE
         )
         assert pixels(browser, KINDS["picker"].colour) > 5

@@ -54,7 +54,6 @@ def test_a_named_pipe_in_the_folder_of_runs_is_passed_over(read, pipe):
 
 
 def test_what_was_there_before_a_process_settled_stays():
-    """What was there before a process settled is there afterwards."""
     program = """
 from orchard.memory import settle
 kept = [bytes([n % 256]) * 1000 for n in range(20_000)]
@@ -65,7 +64,6 @@ assert all(each == bytes([n % 256]) * 1000 for n, each in enumerate(kept))
 
 
 def test_the_collector_runs_seldom_from_the_first_import():
-    """The collector runs seldom from the first import of a process on."""
     program = (
         "import orchard.processes, gc, orchard.memory; assert gc.get_threshold()[0] =="
         " orchard.memory.YOUNG"

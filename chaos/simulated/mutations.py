@@ -304,7 +304,7 @@ BY_TESTS: dict[str, str] = {
         " before, one schedule in some hundred showed it"
     ),
     "an inbox is not emptied at a reset": (
-        "tests/net/test_bus_contract.py: a host handles what is left there before it joins, and"
+        "tests/net/test_inbox.py: a host handles what is left there before it joins, and"
         " forgets all of it then; so the net matters only for items that come in between"
     ),
     "a partial join is accepted": (

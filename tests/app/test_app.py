@@ -35,7 +35,9 @@ def test_a_preset_can_be_undone(browser):
     browser.wait_until(lambda: browser.tree_lines() == 27, "the preset")
     browser.reload()
     browser.press("undo")
-    browser.wait_until(lambda: browser.field("rows").get_attribute("value") == "9", "the rows before the preset")
+    browser.wait_until(
+        lambda: browser.field("rows").get_attribute("value") == "9", "the rows before the preset"
+    )
     assert browser.field("row_length").get_attribute("value") == "9O"
     browser.press("undo")
     browser.wait_until(
@@ -161,13 +163,17 @@ def test_the_rows_of_a_grower_are_typed_as_he_says_them(browser):
     }
     for path, value in typed.items():
         browser.fill(path, value)
-    browser.wait_until(lambda: "4.63 bins a row, 92.6 in all" in conversion(browser), "the bins of a row")
+    browser.wait_until(
+        lambda: "4.63 bins a row, 92.6 in all" in conversion(browser), "the bins of a row"
+    )
     assert not browser.driver.find_elements("css selector", ".field.wrong")
     assert browser.field("crop.tonnes_per_hectare-automatic").get_attribute("aria-checked") == (
         "false"
     )
     browser.fill("bins_per_row", 3)
-    browser.wait_until(lambda: conversion(browser).startswith("3 bins a row"), "the last one counts")
+    browser.wait_until(
+        lambda: conversion(browser).startswith("3 bins a row"), "the last one counts"
+    )
     assert browser.field("crop.tonnes_per_hectare").get_attribute("value") == ""
     browser.fill("row_width", 3)
     browser.wait_until(
@@ -184,7 +190,10 @@ def test_longer_rows_leave_a_rate_and_show_its_speed(browser):
     browser.switch("picking_rate-automatic", False)
     browser.fill("picking_rate", 1.5)
     browser.wait_until(
-        lambda: "2 pickers fill 3 bins an hour while they pick, and go 0.0292 m/s" in conversion(browser),
+        lambda: (
+            "2 pickers fill 3 bins an hour while they pick, and go 0.0292 m/s"
+            in conversion(browser)
+        ),
         "1.5 rows of 70 m an hour",
     )
     browser.fill("row_length", 110)

@@ -169,7 +169,6 @@ def test_the_robots_of_a_bag_are_chosen_by_name_or_kind(recorded):
 
 @pytest.mark.parametrize("rule", ["rows_to_pickers", "route"])
 def test_code_named_in_a_recording_is_not_imported(recorded, tmp_path, monkeypatch, rule):
-    """Code that the scenario in a recording names is not imported."""
     monkeypatch.setattr(
         drives, "_scenario_in", lambda *_: SMALL.model_copy(update={rule: "nowhere.Mine"})
     )
@@ -190,7 +189,6 @@ def test_a_gap_is_told_and_is_a_gap_in_the_bag(tmp_path):
 
 
 def test_a_torn_recording_gives_the_bag_of_what_is_left(recorded, tmp_path, capfd):
-    """A recording that a kill has torn gives the bag of what is left."""
     whole = recorded[0].read_bytes()
     (tmp_path / "run.rrd").write_bytes(whole[: len(whole) * 3 // 4])
     assert export_bag(tmp_path / "run.rrd", tmp_path / "run.mcap", [], False) == 0
@@ -312,7 +310,6 @@ def test_a_bag_gives_the_hash_of_its_run_again(bag):
 
 
 def test_the_velocities_of_a_bag_count_not_the_agents(bag):
-    """The velocities of a bag count and not those of the agent."""
     in_the_bag = {tick: Twist(0.25) for tick in range(10, 20)}
     until_then = driven(Commands(None, {}), 10)
     with_the_bag = driven(Commands(None, {"picker_01": in_the_bag}), 20)
@@ -355,7 +352,6 @@ def test_a_stamp_of_zero_is_no_stamp(tmp_path):
 
 
 def test_the_newest_stamp_counts_where_messages_changed_places(tmp_path):
-    """The newest stamp counts where messages have changed places."""
     old = messages.velocity("picker_01", 7, 0.5, 0.0)
     old.fields["header"].fields["stamp"].fields["nanosec"] -= 1
     new = messages.velocity("picker_01", 7, 0.25, 0.0)
@@ -430,7 +426,6 @@ def test_a_bag_without_a_velocity_in_the_run_is_refused(tmp_path, kind, duration
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
 def test_a_replay_says_how_many_velocities_fell_within_it(tmp_path, mode):
-    """A replay says how many velocities of each robot fell within it."""
     path = recorded_today(tmp_path / "run.mcap", "Twist", ("picker_02", "picker_01"))
     run = ("replay", path, scenario_file(tmp_path, SMALL), "--mode", mode, "--record", "none")
     done = orchard(*run, "--duration", "1.5", "--from-first-stamp")
@@ -533,7 +528,6 @@ def test_a_bag_that_drives_bodies_of_another_orchard_is_refused(tmp_path):
     ],
 )
 def test_code_named_in_a_bag_is_imported_only_if_asked(tmp_path, key, value, named):
-    """Code that the scenario in a bag names is imported only if the user asks."""
     path = written(tmp_path / "one.mcap", scenario(json.dumps({"rows": 3, key: value})), MOVES)
     replay = ("replay", path, "--mode", "local", "--record", "none", "--duration", "1")
     refused = orchard(*replay, code=2)

@@ -34,7 +34,6 @@ def charging(battery: dict | None = None, **changes) -> Scenario:
 @pytest.mark.parametrize("route", ["one-way", "two-way"])
 @pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
 def test_carriers_charge_after_their_job_and_share_the_charger(route, dispatch):
-    """Carriers charge when their job is done and share the charger."""
     stage = Stage(charging(route=route, dispatch=dispatch))
     carriers = stage.world.fixed.carriers
     most = 0
@@ -60,10 +59,7 @@ def test_carriers_charge_after_their_job_and_share_the_charger(route, dispatch):
 
 
 def test_a_battery_is_used_outside_the_queue_and_charged_fully():
-    """A battery is used outside the queue and charged to the full.
-
-    With time, and by less while its carrier stands.
-    """
+    """A battery loses charge with time, and loses less while its carrier stands."""
     stage = Stage(charging({"hours": 1.0, "standing": 0.5}, carriers=1, dispatch="nearest"))
     stage.run(3)
     assert stage.world.charge[stage.world.fixed.carriers] == 1.0, "in the queue it is off"
@@ -97,7 +93,6 @@ def test_a_flat_carrier_jams_the_run(soon_jammed):
 
 @pytest.mark.parametrize("holds", [Lookahead, CheckedHolds, IgnoredHolds])
 def test_a_carrier_that_goes_flat_in_its_charging_line_charges(holds):
-    """A carrier that goes flat in its charging line charges there."""
     battery = {"hours": 1.0, "hours_to_charge": 0.05, "standing": 1.0, "reserve": 0.9}
     stage = Stage(charging(battery, carriers=6, route="one-way", row_length=70.0), holds=holds)
     carrier = stage.world.index["carrier_01"]
@@ -158,10 +153,7 @@ def test_a_run_resumed_while_charging_has_the_same_hash():
 
 
 def test_kills_during_a_charge_leave_the_hash_of_local_mode(fleet, tmp_path):
-    """Kills while a carrier charges leave the hash of local mode.
-
-    A host is killed, and physics.
-    """
+    """A host is killed, and then physics."""
     run = (
         "--speed",
         "30",
@@ -186,7 +178,7 @@ def test_kills_during_a_charge_leave_the_hash_of_local_mode(fleet, tmp_path):
 
 
 def test_more_chargers_deliver_more_until_they_suffice():
-    """In the long run more chargers deliver more until they suffice and no more than the limit."""
+    """However many chargers there are, the rate of a long run stays below its limit."""
     battery = {"hours_to_charge": 0.2}
     layouts = [
         lay_out(charging(battery, rows=8, pickers=4, carriers=4, chargers=chargers))
@@ -201,7 +193,6 @@ def test_more_chargers_deliver_more_until_they_suffice():
 
 
 def test_spare_carriers_are_off_in_the_queue():
-    """Spare carriers are off in the queue and where they were charged."""
     battery = {"hours": 0.3, "hours_to_charge": 0.2, "reserve": 0.5, "standing": 1.0}
     layout = lay_out(charging(battery, rows=6, pickers=2, carriers=6, picking_speed=0.012))
     assert 0.96 < long_run(layout).bins_per_hour / Bounds(layout).bins_per_hour <= 1.0
@@ -231,7 +222,6 @@ def test_what_batteries_need_is_told(changes, told):
 
 
 def test_each_line_has_a_charging_line_with_as_many_places():
-    """Each line of the queue has a charging line with as many places."""
     for route in ("one-way", "two-way"):
         for carriers in (1, 2, 5, 12, 13, 40):
             layout = lay_out(charging(route=route, carriers=carriers, row_length=100.0))

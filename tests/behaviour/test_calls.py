@@ -97,7 +97,6 @@ def assert_every_bin_is_taken_once(stage: Stage, rows: int = 3) -> None:
 
 
 def test_the_nearest_carrier_by_road_is_sent():
-    """The nearest carrier by road is sent which is the head of the nearest line."""
     stage = Stage(calling_orchard(rows=3, pickers=2, carriers=25, row_length=70.0))
     stage.run_until(lambda: bool(exchanges(stage)), 200)
     assert exchanges(stage)[0][0] == "carrier_25", (
@@ -117,7 +116,6 @@ def answers(stage: Stage, tick: int, *calls: tuple[str, int]) -> list[type[Answe
 
 
 def test_a_carrier_offers_itself_only_to_the_longest_caller():
-    """A carrier offers itself only to the bin that has called for longest."""
     stage = Stage(calling_orchard())
     stage.local.memories["carrier_01"] = busy = CarrierMemory(
         job=Job("bin_09", 1, "east", "picker_01")
@@ -135,7 +133,6 @@ def test_a_carrier_offers_itself_only_to_the_longest_caller():
 
 
 def test_a_bin_that_never_decides_keeps_the_carrier_from_nobody():
-    """A bin that calls and never decides does not keep the carrier from the others."""
     stage = Stage(calling_orchard())
     assert answers(stage, 100, ("bin_01", 0), ("bin_02", 50)) == [Offer, No]
     assert answers(stage, 120, ("bin_01", 0), ("bin_02", 50)) == [No, Offer]
@@ -180,7 +177,6 @@ def test_soak_the_bins_are_served_in_the_order_of_their_calls(dispatch):
 
 
 def test_carriers_of_several_lines_free_at_once_get_bins_soon():
-    """Carriers of several lines that are free at once each get a bin soon."""
     stage = Stage(calling_orchard(rows=4, pickers=4, carriers=40, row_length=70.0))
     stage.run_until(
         lambda: sum(1 for m in stage.local.memories.values() if getattr(m, "job", None)) == 4, 85
@@ -244,13 +240,11 @@ def test_only_the_head_of_a_line_is_sent():
 
 
 def test_a_carrier_that_came_with_a_lost_answer_is_the_only_one():
-    """A carrier that came although its answer was lost is still the only one."""
     stage = stage_with(lambda name, agent: LateAnswerer(agent, until=460))
     assert_every_bin_is_taken_once(stage)
 
 
 def test_a_carrier_with_an_unheard_confirmation_waits_then_goes():
-    """A carrier whose confirmation is not heard waits and then goes."""
     stage = Stage(calling_orchard())
     for name in [name for name in stage.local.agents if name.startswith("bin")]:
         stage.local.agents[name] = HardOfHearing(stage.local.agents[name], Confirm, until=700)
@@ -262,7 +256,6 @@ def test_a_carrier_with_an_unheard_confirmation_waits_then_goes():
 
 
 def test_a_carrier_that_forgot_its_job_is_replaced_by_a_new_call():
-    """A carrier that forgot its job on the way is replaced by a new call."""
     stage = stage_with(
         lambda name, agent: Forgetful(agent, at=415 if name == "carrier_01" else -1), carriers=3
     )

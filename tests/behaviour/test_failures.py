@@ -43,10 +43,7 @@ def harvest(seed: int) -> Stage:
 
 
 def test_a_picker_fails_as_drawn_and_goes_on_when_repaired():
-    """A picker fails when it was drawn and goes on when repaired.
-
-    It has picked then for as long as was drawn.
-    """
+    """At its failure the picker has picked for as long as was drawn."""
     stage = Stage(
         empty_orchard(
             picking_speed=0.5, picking={"failure": {"mean_between": 60.0, "mean_repair": 1800.0}}
@@ -116,7 +113,6 @@ def test_an_overdue_failure_strikes_on_the_next_drive():
 
 
 def test_a_carrier_that_fails_behind_a_place_keeps_it():
-    """A carrier that fails right behind a place keeps it until it is repaired."""
     stage = meadow(carrying={"failure": {"mean_between": 60.0, "mean_repair": 30.0}})
     stage.put("carrier_01", 0.0, 20.0)
     sound, _ = failure(1, "carrier_01", 0, 60.0, 30.0)
@@ -161,7 +157,6 @@ def test_a_picker_that_waits_long_for_its_repair_is_no_jam():
 
 
 def test_a_picker_that_fails_before_the_roads_asks_for_no_place():
-    """A picker that fails before the roads asks for no place on them."""
     seed = next(
         seed for seed in range(1000) if 134.5 < failure(seed, "picker_01", 0, 60.0, 60.0)[0] < 137.5
     )  # x = 31.75 to 33.25
@@ -208,7 +203,6 @@ def test_holds_change_nothing_when_robots_fail_and_rows_differ(caplog):
 
 
 def test_an_agent_made_anew_during_a_failure_changes_nothing():
-    """An agent that is made anew in the middle of a failure changes nothing."""
     run = Local(varied())
     restarts = 0
     for tick in range(SHORT):

@@ -13,7 +13,6 @@ from orchard.plans.route import OneWay
 
 
 def test_pickers_pick_their_lane_from_its_head_to_its_end():
-    """Pickers begin at the head of their lane and pick it to the end."""
     stage = Stage(
         empty_orchard(dispatch=NEAREST)
     )  # no carrier passes the lane before the row is picked
@@ -25,7 +24,6 @@ def test_pickers_pick_their_lane_from_its_head_to_its_end():
 
 
 def test_pickers_stop_for_an_obstacle_until_it_has_moved():
-    """Pickers stop for an obstacle and go on when it has moved."""
     stage = Stage(empty_orchard(people=People(workers=1, visitors=0)), worker_01=Standing())
     stage.put("worker_01", 0.0, stage.world.layout.lane(1).y, "NORTH")
     stage.run_until(
@@ -43,7 +41,6 @@ def test_pickers_stop_for_an_obstacle_until_it_has_moved():
 
 
 def test_pickers_swap_the_full_bin_for_one_of_a_carrier():
-    """Pickers leave the full bin and swap it for an empty one by a carrier."""
     stage = Stage(empty_orchard())
     full = stage.bin_of("picker_01")
     stage.run_until(lambda: stage.is_full(full) and not stage.bin_of("picker_01"), 100)
@@ -55,7 +52,6 @@ def test_pickers_swap_the_full_bin_for_one_of_a_carrier():
 
 @pytest.mark.parametrize("speed", [1.0, 0.05])
 def test_pickers_ask_for_the_roads_before_they_must_stop(speed):
-    """Pickers ask for the roads three seconds before they must stop for them."""
     stage = Stage(
         empty_orchard(pickers=3, carriers=1, row_length=20.0, picking_speed=speed, dispatch=NEAREST)
     )
@@ -91,7 +87,6 @@ def test_carriers_stop_for_an_obstacle_on_the_road():
 
 
 def test_a_carrier_stops_for_a_person_beside_the_bin():
-    """A carrier at work stops for a person beside the bin that it ignores."""
     stage = Stage(empty_orchard(people=People(workers=1, visitors=0)), worker_01=Standing())
     stage.put(
         "worker_01", 33.2, stage.world.layout.lane(1).y - 1.9, "NORTH"
@@ -156,7 +151,6 @@ def test_the_tractor_drives_twenty_metres_waits_and_turns_about():
 
 
 def test_the_tractor_stops_for_an_obstacle_until_it_moves():
-    """The tractor stops for an obstacle and waits for it to move."""
     stage = meadow(tractor=True, people=People(workers=1, visitors=0))
     stage.local.agents["worker_01"] = Standing()
     stage.put("worker_01", -35.0, 29.0, "NORTH")

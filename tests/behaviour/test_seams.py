@@ -61,7 +61,6 @@ def harvested(name: str) -> tuple[str, Local]:
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_an_example_has_the_local_hash_in_lockstep(name, fleet):
-    """An example has the same hash in local mode and in lockstep."""
     fleet.physics(scenario(**EXAMPLES[name]), "--duration", str(TICKS / 10))
     fleet.share(2)
     assert fleet.end() == harvested(name)[0]
@@ -96,7 +95,6 @@ def test_the_farthest_bin_is_fetched_first_by_that_policy():
 
 
 def test_nearest_harvests_alike_through_the_dispatcher():
-    """The nearest policy harvests alike through the dispatcher."""
     local = run(Local(scenario(dispatch="orchard.dispatch.ranking.Nearest")))
     assert local.engine.over
     assert local.engine.world.delivered == 4

@@ -153,7 +153,6 @@ WITH_GUESTS = [
 
 @pytest.mark.parametrize(("rows", "pickers", "seed", "route", "row_length"), WITH_GUESTS)
 def test_a_harvest_among_people_ends_without_a_collision(rows, pickers, seed, route, row_length):
-    """A harvest among people and animals ends without a collision."""
     stage = Stage(
         Scenario(rows=rows, pickers=pickers, seed=seed, route=route, row_length=row_length)
     )
@@ -166,7 +165,6 @@ def test_a_harvest_among_people_ends_without_a_collision(rows, pickers, seed, ro
 @pytest.mark.parametrize("size", ["any", "large"])
 @pytest.mark.parametrize("number", range(200))
 def test_soak_a_random_legal_scenario_delivers_all_bins(number, size):
-    """A random legal scenario ends with all bins delivered."""
     scenario = random_scenario(number) if size == "any" else large_scenario(number)
     print(f"scenario {number} of seed {RANDOM_SEED}: {scenario}")
     stage = Stage(scenario)
@@ -271,7 +269,6 @@ def test_a_person_standing_in_a_row_holds_up_only_that_row():
 
 
 def test_a_crossing_animal_is_not_run_over():
-    """An animal that crosses in front of a carrier is not run over."""
     stage = Stage(empty_orchard(animals=Animals(dogs=1, cats=0)), dog_01=Driven(Twist(x=0.6)))
     stage.put("dog_01", 20.0, 10.9, "EAST")
     stage.run_until(lambda: stage.world.delivered == 1, 600)
@@ -317,7 +314,6 @@ def lanes_touched(stage: Stage, carrier: str) -> list[tuple[str, str, int]]:
     [(5, 3, 5.0, ONE_WAY), (4, 2, 9.0, ONE_WAY), (5, 3, 5.0, TWO_WAY)],
 )
 def test_a_carrier_on_a_road_has_every_place_it_is_in(rows, pickers, row_width, route):
-    """A carrier on a road has every place that it or its bin is in."""
     stage = Stage(
         empty_orchard(rows=rows, pickers=pickers, row_width=row_width, carriers=4, route=route)
     )

@@ -110,7 +110,6 @@ def test_nobody_stays_near_one_point_for_a_minute(seed):
 
 @pytest.mark.parametrize("kind", ["dog", "cat"])
 def test_animals_change_their_mind_every_three_seconds(kind):
-    """Animals change their mind every three seconds and keep it until then."""
     stage = one_guest(kind, 0.0, 20.0)
     speeds = []
     for _ in range(600):
@@ -132,10 +131,7 @@ def test_animals_do_not_change_their_minds_in_the_same_tick():
 
 
 def test_animals_change_their_mind_without_seeing_every_tick():
-    """Animals change their mind although they do not see every tick.
-
-    As in realtime, where ticks may be left out.
-    """
+    """In realtime ticks may be left out."""
     seen = one_guest("dog", 0.0, 20.0).local.engine.observe()["dog_01"]
     dog = Animal(Local(Scenario()).engine.layout, "dog_01")
     memory = dog.tick(seen, Mail(), None).memory

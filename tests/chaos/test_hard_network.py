@@ -63,7 +63,6 @@ def test_a_disk_that_takes_half_of_a_write_changes_nothing():
 
 
 def test_physics_killed_while_writing_leaves_half_a_file():
-    """Physics that is killed while it writes leaves half a file that goes."""
     half_writes = 0
     for tick in (20, 40, 60, 80):
         carried = Carried(plan(Fault("kill", PHYSICS, tick, 0.02), ticks=150), disk_seconds=1.0)
@@ -74,7 +73,6 @@ def test_physics_killed_while_writing_leaves_half_a_file():
 
 
 def test_a_large_payload_takes_longer_and_the_next_one_waits():
-    """A large payload takes longer and the next one waits for it."""
     arrived = {}
     scheduler = Scheduler()
     network = Network(scheduler, "", Delays(1e-3, share=0.0, bytes_per_second=1e6))

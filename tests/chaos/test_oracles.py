@@ -59,7 +59,6 @@ def test_the_stored_counts_of_bins_are_those_of_the_rows(scene):
 
 
 def test_stored_counts_find_a_harvest_wrong_in_each_mode():
-    """A harvest that is wrong in each mode is found by the stored counts."""
     expected = msgspec.structs.replace(stored_counts()[SCENE], ticks=500)
     with patch.object(Engine, "_deeds", lambda self, actions: []):
         _, counts = made(SCENE, expected)
@@ -113,7 +112,6 @@ def test_what_occurs_in_a_schedule_is_counted():
 
 @pytest.mark.parametrize("what", ["kill", "fork"])
 def test_a_resumed_or_forked_run_goes_on_as_in_local_mode(what):
-    """A run that is resumed or forked goes on as in local mode."""
     assert carry_out(shortly_before("uncoupled", Fault(what, RUN_PY, 20))).complaints == []
 
 
@@ -234,7 +232,6 @@ def test_deeds_that_are_lost_fail_nearly_all_schedules():
 
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
 def test_a_deed_asked_for_in_vain_is_found_without_local_mode(mode):
-    """A robot that asks for a deed in vain is found without local mode."""
     with patch.object(Engine, "_deeds", lambda self, actions: []):
         complaints = carry_out(shortly_before("uncoupled", mode=mode)).complaints
     assert any("asks for deeds in vain" in complaint for complaint in complaints)

@@ -69,7 +69,6 @@ def test_a_run_without_faults_refuses_nothing(seed):
 
 
 def test_a_mutation_is_found_and_shrinks_to_its_faults():
-    """A mutation is found and shrinks to the faults that it needs."""
     drawn = [draw(seed) for seed in range(40)]
     with cut_out("a host never doubts its mail"):
         found = next(plan for plan in drawn if carry_out(plan).complaints)
@@ -219,7 +218,6 @@ FAULTS = {
 
 @pytest.mark.parametrize("what", FAULTS)
 def test_whatever_happens_the_run_goes_on_to_the_same_hash(what):
-    """Whatever happens to processes and links the run goes on to the same hash."""
     assert carry_out(plan(*FAULTS[what], ticks=150, has_router="router" in what)).complaints == []
 
 
@@ -244,13 +242,11 @@ def test_in_realtime_too_a_run_goes_on_and_ends_well(fault):
 
 @pytest.mark.parametrize("delay", [0.1, 0.5, 0.8])
 def test_a_run_resumed_before_its_first_tick_waits_for_agents(delay):
-    """A run that is resumed before its first tick waits for all its agents."""
     assert carry_out(plan(Fault("kill", RUN_PY, -1, delay))).complaints == []
 
 
 @pytest.mark.parametrize("tick", [58, 59, 60])
 def test_a_host_started_as_the_run_ends_does_not_wait(tick):
-    """A host that is started again as the run ends does not wait for physics."""
     verdict = carry_out(plan(Fault("kill", OTHER, tick)))
     assert verdict.complaints == []
     assert verdict.seconds < 15.0
@@ -265,10 +261,9 @@ def test_physics_that_dies_after_the_end_keeps_nothing_waiting(delay):
 
 @pytest.mark.parametrize("delay", [0.0, 0.002, 0.006])
 def test_a_harvest_whose_physics_dies_at_its_end_is_over(monkeypatch, delay):
-    """A harvest whose physics dies just when it has ended is over.
+    """Physics writes no snapshot at the end of a harvest.
 
-    It writes no snapshot then: if it was started again, it would go back to an older tick,
-    without the hosts that have left.
+    If it was started again, it would go back to an older tick, without the hosts that have left.
     """
     over = RunAccount.why_over
     monkeypatch.setattr(
@@ -281,7 +276,6 @@ def test_a_harvest_whose_physics_dies_at_its_end_is_over(monkeypatch, delay):
 
 @pytest.mark.parametrize("delay", [0.005, 0.01, 0.02, 0.05])
 def test_a_request_to_end_during_a_reset_is_not_forgotten(delay):
-    """A request to end that comes while the run is reset is not forgotten."""
     verdict = carry_out(
         plan(
             Fault("silence", OTHER, 20, 0.0, 0.3),
@@ -311,10 +305,9 @@ def test_a_reset_that_the_death_of_physics_would_undo_is_refused():
 
 
 def test_hosts_build_agents_again_if_a_reset_was_not_kept():
-    """Hosts build their agents again if physics could not keep a reset.
+    """The disk is full just after the reset, so physics begins with the old seed again.
 
-    The disk is full just after that, so physics begins with the old seed again: agents of two
-    scenarios would drive in one run.
+    If the hosts kept their agents, agents of two scenarios would drive in one run.
     """
     faults = (
         Fault("reset", CLIENT, 0, 0.04),

@@ -39,7 +39,6 @@ UNREPEATABLE = [
 
 @pytest.mark.parametrize(("class_", "words"), UNREPEATABLE)
 def test_what_is_not_repeatable_is_logged_once_with_its_place(class_, words, caplog, monkeypatch):
-    """What is not repeatable is logged once with agent tick and place."""
     monkeypatch.setattr(unrepeatable, "SHARED", {"count": 0})
     local = checked(class_)
     (record,) = caplog.records
@@ -49,7 +48,6 @@ def test_what_is_not_repeatable_is_logged_once_with_its_place(class_, words, cap
 
 @pytest.mark.parametrize("class_", ["Tidy", "OwnPicker"])
 def test_what_is_repeatable_runs_as_without_the_check(class_, caplog):
-    """What is repeatable is not told and runs as without the check."""
     local = checked(class_, 40)
     assert not caplog.records
     assert local.engine.hash == local_hash(with_picker(class_), 40)
@@ -130,7 +128,6 @@ CHANGED = [
 
 @pytest.mark.parametrize(("memory", "type_", "place"), CHANGED)
 def test_a_memory_that_differs_after_a_kill_is_refused(memory, type_, place, caplog):
-    """A memory that is another after a kill is refused at once."""
     keeper = Keeper(memory, type_=type_)
     local = played(SMALL, 2, picker_01=keeper)
     assert local.actions["picker_01"].state == "broken"
@@ -162,7 +159,6 @@ def test_a_memory_that_its_bytes_give_back_is_kept(memory, type_):
 
 
 def test_a_memory_of_the_same_bytes_and_another_type_is_refused():
-    """A memory with the same bytes and another type is refused too."""
     local = played(SMALL, 2, picker_01=Keeper({"a": [1]}, {"a": (1,)}))
     assert local.actions["picker_01"].state == "broken"
     assert local.memories["picker_01"] == {"a": [1]}

@@ -167,10 +167,7 @@ def test_the_first_lines_are_shown_and_the_rest_is_left_out():
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
 def test_an_agent_that_prints_and_leaves_a_thread_is_contained(mode, tmp_path):
-    """An agent that prints much and leaves a thread is contained.
-
-    It neither floods the terminal nor holds the run.
-    """
+    """What it prints does not flood the terminal, and its thread does not hold the run."""
     path = scenario_file(tmp_path, driven_by(picker_01="Noisy"))
     done = python(
         "run.py", path, "--mode", mode, "--duration", 1, "--record", "none", PYTHONPATH=PATH

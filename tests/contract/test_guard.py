@@ -268,7 +268,6 @@ TOO_MUCH = [
 
 @pytest.mark.parametrize(("slip", "said"), TOO_MUCH)
 def test_what_is_too_much_is_told_with_limit_and_figure(slip, said, caplog):
-    """What is too much or wrong is told with the agent the limit and the figure."""
     _, action = of_the_guard(slip and Action(**{"twist": Twist(x=1.0)} | slip))
     assert (action.state, action.twist.x, action.memory) == ("broken", 0.0, {"a": 1})
     assert len(caplog.text) < 3000, "not the whole of it"
@@ -312,7 +311,6 @@ def stop(number, frame):
 
 @pytest.mark.parametrize("handler", [signal.default_int_handler, stop])
 def test_ctrl_c_ends_the_program_whatever_agent_works(handler):
-    """A real Ctrl-C ends the program whatever agent is at work."""
     old = signal.signal(
         signal.SIGINT, handler
     )  # a shell starts a program in the background with SIGINT ignored
@@ -336,10 +334,7 @@ HARVESTS = [
 
 @pytest.mark.parametrize("changes", HARVESTS)
 def test_built_in_agents_pass_the_guard_of_own_agents(changes, caplog):
-    """What built-in agents return passes the guard of own agents.
-
-    So their own guard may leave its checks out.
-    """
+    """So the checks may be left out for built-in agents."""
     scenario = Scenario(**{"rows": 3, "pickers": 2, "carriers": 2, "row_length": 20.0} | changes)
     layout = lay_out(scenario)
     agents = {
@@ -362,7 +357,6 @@ GOING_WRONG = [
 
 @pytest.mark.parametrize(("action", "said"), GOING_WRONG)
 def test_a_built_in_agent_gone_wrong_stands_and_keeps_memory(action, said, caplog):
-    """A built-in agent that goes wrong stands and keeps its memory."""
     guard = Guard("picker_01", Doing(action), NAMES, trusted=True)
     action = guard.tick(without_body("picker_01", 7), Mail(), {"a": 1})
     assert (action.state, action.memory) == ("broken", {"a": 1})
@@ -387,10 +381,7 @@ TRUSTED = [
 
 @pytest.mark.parametrize(("changes", "class_", "is_trusted"), TRUSTED)
 def test_an_agent_of_a_built_in_policy_and_route_is_trusted(changes, class_, is_trusted):
-    """An agent is trusted if it and the policy and route of its orchard are built-in.
-
-    A trusted agent may return what that of a user may not.
-    """
+    """A trusted agent may return what an agent of the user may not."""
     layout = lay_out(SMALL.model_copy(update=changes))
     agent = class_(layout, "picker_01")
     agent.tick = Doing(Action(doing=5)).tick

@@ -59,10 +59,7 @@ def test_a_client_that_knows_only_keyspace_drives_a_picker(fleet):
 
 @pytest.mark.processes
 def test_a_client_before_the_run_asks_until_it_answers(fleet):
-    """A client that starts before the run asks until it answers.
-
-    A queryable that gives no reply tells when the client has asked in vain.
-    """
+    """A queryable that gives no reply tells when the client has asked in vain."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     fleet.router(endpoint)
     asked = threading.Event()
@@ -117,7 +114,6 @@ def test_a_name_that_is_taken_is_refused_to_an_own_agent_as_well(fleet):
 
 
 def test_an_agent_given_to_local_mode_drives_as_a_named_class():
-    """An agent that local mode is given drives as a class of the scenario does."""
     given = played(SMALL, 40, picker_01=own_agents.Eastward(None, "picker_01"))
     named = played(driven_by(picker_01="Eastward"), 40)
     assert list(given.agents) == list(named.agents)
@@ -125,7 +121,6 @@ def test_an_agent_given_to_local_mode_drives_as_a_named_class():
 
 
 def test_an_agent_that_takes_over_gets_no_foreign_memory():
-    """An agent that takes over gets no memory of another class."""
     local = Local(SMALL)
     heard = []
 
@@ -158,7 +153,6 @@ def test_a_class_of_the_scenario_drives_alike_in_every_mode(fleet):
 
 
 def test_a_mistake_of_one_agent_changes_no_other_in_any_mode(fleet):
-    """No mistake of one agent changes what the others do in any mode."""
     own = driven_by(picker_01="Mischief")
     ticks = 2 * len(own_agents.MISCHIEF)
     local = played(own, ticks)
@@ -242,7 +236,6 @@ MISTAKES = [
 
 @pytest.mark.parametrize(("class_", "said"), MISTAKES)
 def test_a_mistake_is_told_with_its_place_and_others_go_on(class_, said, caplog):
-    """A mistake is told with its place the robot stands and the others go on."""
     local = played(SMALL.model_copy(update={"agents": {"picker_01": class_}}), 10)
     (record,) = [record for record in caplog.records if "picker_01" in record.getMessage()]
     assert re.search(said, record.getMessage())

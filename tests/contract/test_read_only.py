@@ -89,7 +89,6 @@ def test_the_shape_that_an_agent_gives_its_scan_is_its_own():
 
 
 def test_an_agent_that_changes_its_mail_changes_no_hash():
-    """An agent that changes its mail changes no letter of another and no hash."""
     hashes = set()
     for traffic in (own_agents.Eastward(None, "traffic"), Meddler("mail")):
         local = Local(SMALL)
@@ -106,7 +105,6 @@ def test_an_agent_that_changes_its_mail_changes_no_hash():
 
 
 def test_writing_into_a_scan_is_explained_in_local_mode(caplog):
-    """The idiom that writes into a scan is told what to do in local mode."""
     local = played(SMALL, 1, picker_01=Meddler("scan"))
     assert local.actions["picker_01"].state == "broken"
     (record,) = caplog.records
@@ -119,7 +117,6 @@ def test_writing_into_a_scan_is_explained_in_local_mode(caplog):
 @pytest.mark.processes
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
 def test_writing_into_a_scan_is_explained_over_the_network(fleet, mode, caplog):
-    """The idiom that writes into a scan is told what to do over the network."""
     named = driven_by(picker_01="Scribbler")
     fleet.physics(named, "--duration", "1", "--mode", mode)
     host = fleet.host("--without", "picker_02")

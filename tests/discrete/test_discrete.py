@@ -213,9 +213,7 @@ def test_the_long_run_is_slower_with_people() -> None:
 
 
 def test_in_the_long_run_pickers_with_fewer_rows_keep_up() -> None:
-    """In the long run pickers with fewer rows pick as many as the others.
-
-    Else they are done while the others go on, and the long run has fewer pickers than the
+    """Else they are done while the others go on, and the long run has fewer pickers than the
     orchard.
     """
     layout = lay_out(orchard(rows=5, pickers=4, carriers=8, **ONE_WAY))
@@ -229,7 +227,6 @@ def test_in_the_long_run_pickers_with_fewer_rows_keep_up() -> None:
 
 
 def test_the_long_run_of_slow_pickers_is_no_jam() -> None:
-    """The long run of slow pickers in long rows is not taken for a jam."""
     layout = lay_out(orchard(rows=4, pickers=2, carriers=2, row_length=200.0, picking_speed=0.02))
     assert long_run(layout).bins_per_hour == pytest.approx(3600.0 * 2 / (200.0 / 0.02), rel=0.03)
 
@@ -279,7 +276,6 @@ def _trip_seconds(layout: Layout) -> float:
 
 
 def test_a_harvest_that_waits_for_ever_ends_soon() -> None:
-    """A harvest in which robots wait for ever ends soon and is not over."""
     layout = lay_out(orchard(rows=4, pickers=2, carriers=1, dispatch="own_policies.Idle"))
     harvest = DiscreteHarvest(layout).run()
     assert (harvest.is_over, harvest.delivered) == (False, 0)
@@ -323,7 +319,6 @@ def test_a_policy_that_leaves_a_picker_out_has_no_long_run(dispatch: str) -> Non
 
 
 def test_a_harvest_with_a_carrier_flat_before_home_is_not_over() -> None:
-    """A harvest whose carrier is flat before it is home is not over."""
     layout = lay_out(
         orchard(
             rows=3,

@@ -103,7 +103,6 @@ DECISIONS = {
 
 @pytest.mark.parametrize("name", DISPATCH_POLICIES)
 def test_the_preferred_bin_gets_the_only_free_carrier(name):
-    """The bin that the policy prefers gets the only free carrier."""
     assert decide(name, [NEAR, FAR], [HEAD, BUSY]) == [(DECISIONS[name][0], "carrier_02")]
 
 
@@ -154,7 +153,6 @@ def test_a_run_says_if_its_policy_leaves(name, tmp_path):
 
 @pytest.mark.parametrize("name", DISPATCH_POLICIES)
 def test_each_bin_gets_a_carrier_and_busy_ones_none(name):
-    """Each bin gets a carrier if there are enough and busy ones none."""
     orders = decide(name, [NEAR, FAR], [BUSY, CarrierReport("carrier_01", "", True, 0.5), HEAD])
     assert {bin_name for bin_name, _ in orders} == {"bin_01", "bin_02"}
     assert {carrier for _, carrier in orders} == {"carrier_01", "carrier_02"}
@@ -162,7 +160,7 @@ def test_each_bin_gets_a_carrier_and_busy_ones_none(name):
 
 @pytest.mark.parametrize("name", DISPATCH_POLICIES)
 def test_heads_of_two_lines_go_by_name_despite_rounding(name):
-    """Carriers at the heads of two lines go by name though one stands a rounding error behind."""
+    """One of the carriers stands 2e-15 m behind the head of its line."""
     assert decide(name, [NEAR], [HEAD, CarrierReport("carrier_01", "", True, 2e-15)]) == [
         ("bin_01", "carrier_01")
     ]
@@ -172,16 +170,12 @@ def test_heads_of_two_lines_go_by_name_despite_rounding(name):
     ("name", "first"), [("predictive", "bin_02"), ("predictive-farthest", "bin_03")]
 )
 def test_an_early_policy_sends_only_for_what_is_due(name, first):
-    """An early policy sends for what is due and for nothing else."""
     assert decide(name, [UNRIPE], [HEAD]) == []
     assert decide(name, [NEAR, FAR, FILLING, UNRIPE], [HEAD]) == [(first, "carrier_02")]
 
 
 def test_predictive_serves_a_near_bin_beside_a_busy_far_one():
-    """Predictive serves a near bin though a far one is full again and again.
-
-    Of full bins the farthest first would leave the near one out for ever.
-    """
+    """ "The farthest full bin first" would leave the near one out for ever."""
     made = policy("predictive")
     memory = made.Memory()
     now = 1000
@@ -194,7 +188,6 @@ def test_predictive_serves_a_near_bin_beside_a_busy_far_one():
 
 
 def test_predictive_knows_since_when_a_bin_is_full():
-    """Predictive knows since when a bin is full that it was told of before."""
     made = policy("predictive")
     memory = made.Memory()
     soon = replace(FILLING, seconds_to_full=20.0)
@@ -240,7 +233,6 @@ CARRIERS = st.lists(
 @settings(max_examples=40)
 @given(BINS, CARRIERS, st.randoms(use_true_random=False))
 def test_a_policy_assigns_only_what_is_there_and_never_twice(name, bins, carriers, random):
-    """A policy assigns only what is there never twice and whatever the order of the reports."""
     orders = decide(name, bins, carriers)
     assert {bin_name for bin_name, _ in orders} <= {report.name for report in bins}
     assert {carrier for _, carrier in orders} <= {
@@ -304,7 +296,6 @@ def harvested(name: str) -> Stage:
 
 @pytest.mark.parametrize("name", DISPATCH_POLICIES)
 def test_a_harvest_with_each_policy_is_complete(name):
-    """A harvest with each policy is complete without a collision."""
     stage = harvested(name)
     assert (stage.world.delivered, stage.account.figures()["broken_agents"]) == (4, [])
     stage.assert_no_collisions()
@@ -320,7 +311,6 @@ def test_early_carriers_make_the_harvest_shorter():
 
 @pytest.mark.parametrize("name", ["farthest-first", "predictive", "rolling"])
 def test_agents_started_afresh_at_every_tick_harvest_alike(name):
-    """Agents started afresh and asked at every tick give the same harvest."""
     whole = harvested(name)
     local = Local(small(name, row_length=20.0), holds=IgnoredHolds)
     while not local.engine.over:
@@ -340,7 +330,6 @@ def too_early() -> Stage:
 
 
 def test_an_early_carrier_holds_until_the_bin_is_left():
-    """A carrier that comes early holds before the lane until the bin is left."""
     stage = too_early()
     hold = stage.world.layout.lane(1).y + route.OneWay.HOLD
     stage.run_until(lambda: stage.pose("carrier_01")[1] < hold + 1e-6, 100)
@@ -365,7 +354,7 @@ def test_without_that_hold_the_early_carrier_shuts_the_picker_in(monkeypatch):
 
 
 def test_a_picker_that_stays_in_its_row_jams_with_its_bin_named(soon_jammed):
-    """A picker that stays in its row after a carrier has left ends in a jam that names its bin."""
+    """A carrier has left for the bin, and waits for a picker that never comes."""
     stage = Stage(small("predictive", rows=3))
     stage.run_until(
         lambda: any(getattr(memory, "job", None) for memory in stage.local.memories.values()), 100
@@ -447,7 +436,6 @@ def test_names_in_a_decision_may_be_of_a_text_type_of_a_library():
 
 @pytest.mark.parametrize("name", MISTAKES)
 def test_the_mistake_of_a_policy_is_named_once_and_counted(name, caplog):
-    """The mistake of a policy is named once and counted and the harvest goes on."""
     stage = Stage(small(f"own_policies.{name}", rows=3, carriers=3))
     stage.run_until(lambda: stage.world.delivered == 1, 500)
     faults = [
@@ -481,12 +469,7 @@ def test_a_mistake_may_end_the_harvest_in_lockstep_at_its_tick(fleet):
 @pytest.mark.soak
 @pytest.mark.parametrize("seed", range(40))
 def test_soak_carriers_that_leave_too_early_never_lock(seed):
-    """Carriers that leave much too early never lock each other.
-
-    Random orchards.
-
-    Some robots are stopped for a while: the others that wait then go on afterwards.
-    """
+    """In random orchards some robots are stopped for a while; those that wait then go on."""
 
     def some(name: str, low: int, high: int) -> int:
         return low + int(draw(seed, f"early carriers, {name}", 0)[0] * (high + 1 - low))

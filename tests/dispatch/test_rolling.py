@@ -53,7 +53,6 @@ def test_it_foresees_when_all_bins_are_home(values, monkeypatch):
 
 
 def test_the_first_of_several_lines_leaves_first():
-    """Of several lines the first one leaves first as in the decisions of the dispatcher."""
     policy = Rolling(orchard(rows=20, pickers=10, carriers=10))
     lines = sorted(set(policy.lines.values()))
     plan = RollOut(policy.courses, policy.lines.values(), 0, dict.fromkeys(policy.courses, 1))
@@ -93,7 +92,6 @@ def test_no_picker_is_left_out_while_others_go_on():
 
 
 def test_a_bin_whose_carrier_does_not_come_gets_another():
-    """A bin that reports again because its carrier does not come gets another one."""
     policy = Rolling(orchard(rows=4, pickers=2, carriers=2))
     memory = policy.Memory()
     report = BinReport("bin_01", 1, "east", "picker_01", since=900, metres=30.0)

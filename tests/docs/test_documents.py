@@ -126,9 +126,8 @@ def test_the_reference_of_the_library_reads_in_a_clone():
 
 
 def test_the_library_reference_says_arguments_and_errors():
-    """The reference of the library says arguments errors and fields.
-
-    What the source says of the arguments of a class stands there, texts keep their quotes.
+    """What the source says of a class's arguments stands in the reference, with the quotes of
+    texts.
     """
     text = (ROOT / "docs" / "api.md").read_text()
     sections = {section.split("(")[0].strip("`"): section for section in text.split("\n### ")}
@@ -174,7 +173,6 @@ def test_the_readmes_speeds_are_those_of_the_benchmarks():
 
 
 def test_the_soak_results_have_the_words_of_their_program():
-    """The results of the soak have the words of the program that writes them."""
     text = (ROOT / "chaos" / "results.md").read_text()
     assert RECOVERY in text
     assert all(f"| {' | '.join(head)} |" in text for head in (HEAD, ENDURANCE_HEAD))
@@ -217,7 +215,6 @@ def test_the_cells_of_tables_are_short(document):
 
 
 def test_the_changelog_has_one_change_an_entry():
-    """The changelog names the version and has one change an entry."""
     text = (ROOT / "CHANGELOG.md").read_text()
     version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
     assert f"\n## {version}" in text

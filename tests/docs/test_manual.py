@@ -94,7 +94,6 @@ def test_only_by_the_manual_carriers_drive_around_the_bottom():
 
 
 def test_bins_report_early_or_call_carriers_when_full():
-    """Bins report to a dispatcher early or call carriers when they are full."""
     tick, _, to, fetch = next(
         letter for letter in course("default").letters if isinstance(letter[3], Fetch)
     )
@@ -132,7 +131,6 @@ def test_a_picker_goes_on_before_its_full_bin_is_taken(name):
 
 
 def test_every_second_picker_starts_at_the_other_end():
-    """Every second picker starts at the other end unless by the manual."""
 
     def starts(scenario: Scenario) -> list[bool]:
         layout = lay_out(scenario)

@@ -182,7 +182,6 @@ SOUND = '{"dependencies": [{"name": "numpy", "vulns": []}]}'
     ],
 )
 def test_nothing_known_is_told_from_not_checked(of_the_vulnerable, of_ours, code, words, tmp_path):
-    """That nothing is known of packages is told from that they were not checked."""
     audit = tmp_path / "pip-audit"
     packages = tmp_path / "packages.txt"
     answers = f"{of_the_vulnerable!r} if 'pycrypto' in open(sys.argv[-1]).read() else {of_ours!r}"
@@ -234,11 +233,9 @@ def test_harvests_on_arm_that_cannot_be_run_are_told(programs, why, tmp_path):
 
 @pytest.mark.parametrize("uv_can", [True, False])
 def test_uv_is_told_of_pips_index_and_pip_does_the_rest(uv_can, tmp_path):
-    """Uv is told where pip finds packages and pip does what uv cannot.
+    """A pip and a uv that only write down their arguments stand first on the path.
 
-    In a folder whose pip and uv write down what they are told.
-
-    What the environment says counts before a file.
+    An index in the environment counts before one in a file.
     """
     told = tmp_path / "told"
     file = tmp_path / "pip.conf"

@@ -118,7 +118,6 @@ PACKAGES_OF_CONSTANTS = (
 
 
 def test_each_compiled_constant_counts_for_the_kept_code() -> None:
-    """Each module whose constants are compiled counts for the kept code."""
     counted = {module.__name__ for module in compiled.CONSTANTS_OF}
     for path in Path(machine.__file__).parent.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):

@@ -48,7 +48,6 @@ def test_intervals_stand_beside_the_truth():
 
 
 def test_recordings_of_several_runs_are_one_dataset(tmp_path):
-    """Recordings of several runs are one dataset with the views of the orchard."""
     files = [tmp_path / f"{name}.rrd" for name in ("two", "three")]
     for file, carriers in zip(files, (2, 3), strict=True):
         orchard("--mode", "local", "--rows", 3, "--carriers", carriers, "--record", file)

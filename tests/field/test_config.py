@@ -47,7 +47,6 @@ def test_a_hectare_of_kiwifruit_fills_the_bins_of_its_yield(
 
 
 def test_a_robot_of_four_arms_takes_as_long_as_its_fruit() -> None:
-    """A robot of four arms takes as long for a bin as its fruit."""
     assert 3600 / load(CONFIG / "kiwi_robot.yaml").chosen["picking_rate"] == pytest.approx(
         350 / 0.117 * 5.5 / 4, rel=0.01
     )
@@ -125,7 +124,6 @@ def test_every_scenario_file_names_the_schema(file: Path) -> None:
 
 
 def test_a_file_of_the_user_comes_before_a_shipped_scenario(tmp_path: Path, monkeypatch) -> None:
-    """A shipped scenario has a name but a file of the user comes first."""
     monkeypatch.chdir(tmp_path)
     assert load_or_shipped(None) == Scenario()
     assert load_or_shipped(Path("hand_picking")) == load(CONFIG / "hand_picking.yaml")

@@ -71,5 +71,4 @@ def test_a_value_is_decided_as_its_section_is(path: str, decision: Decision | No
     ],
 )
 def test_a_section_is_a_choice_if_all_that_changes_is(path: str, values: list, choice: bool):
-    """Values of a section are a choice if all that they change is."""
     assert is_choice(Scenario, path, values) == choice

@@ -98,7 +98,6 @@ def test_a_rect_contains_its_edges():
 @settings(max_examples=300)
 @given(boxes, boxes)
 def test_boxes_overlap_where_an_edge_lies_in_the_other(a, b):
-    """Boxes overlap just where a point of one edge lies in the other."""
     # How far the points of both edges are outside of the other box, at least; negative: inside.
     outside = min(depth(edge_points(*a), b).min(), depth(edge_points(*b), a).min())
     is_inside = outside < -1e-6
@@ -189,7 +188,6 @@ def test_east_is_exact():
 @settings(max_examples=300)
 @given(angles)
 def test_wrapping_keeps_the_direction(angle):
-    """Wrapping keeps the direction and what is wrapped already."""
     wrapped = repeatable.wrap(angle)
     assert -repeatable.PI < wrapped <= repeatable.PI
     assert math.cos(wrapped - angle) == pytest.approx(1.0, abs=1e-12)

@@ -200,11 +200,9 @@ def seconds_a_body(scenario: Scenario) -> float:
 
 @pytest.mark.parametrize("scenario", [BIGGEST, FULLEST], ids=["biggest", "fullest"])
 def test_a_body_costs_no_more_in_a_big_orchard(scenario: Scenario) -> None:
-    """A body costs as much in a big orchard as in the default one.
+    """If each body were compared with each other one, it would cost 18 times as much.
 
-    Both times are of one run.
-
-    If each body were compared with each other, it would be 18 times as much.
+    Both times are of one run, so the speed of the machine does not matter.
     """
     assert seconds_a_body(scenario) <= 4.0 * seconds_a_body(Scenario())
 
@@ -231,7 +229,6 @@ def test_guests_stand_where_the_manual_puts_them() -> None:
 def test_a_given_queue_place_gives_way_to_the_nearest_free_one(
     name: str, given_place: tuple[float, float]
 ) -> None:
-    """A given place in the queue gives way to the nearest free one."""
     x, y = places(ONE_WAY)[name]
     assert places(Scenario())[name] == given_place or name == "worker_02", (
         "the lines that no carrier uses are not kept clear"

@@ -29,7 +29,6 @@ def blocks_of(rule: str, rows: int, pickers: int) -> list[Block]:
 def test_each_picker_has_neighbouring_rows_from_north_to_south(
     rule: str, size: tuple[int, int]
 ) -> None:
-    """Each row goes to one picker and its rows are neighbours from north to south."""
     rows = [block.rows for block in blocks_of(rule, *size)]
     assert all(rows)
     assert [row for block in rows for row in block] == list(range(1, size[0] + 1)), (
@@ -47,7 +46,6 @@ def test_balanced_pickers_differ_by_one_row_at_most(rule: str, size: tuple[int, 
 
 @given(size=sizes)
 def test_every_second_picker_starts_in_the_east_with_both_ends(size: tuple[int, int]) -> None:
-    """Every second picker starts in the east if both ends are used."""
     starts = [block.start for block in blocks_of("balanced-ends", *size)]
     assert starts == (["west", "east"] * 10)[: size[1]]
     assert {block.start for block in blocks_of("balanced", *size)} == {"west"}
@@ -118,7 +116,6 @@ def share_below(distribution: str, time: float, cv: float, least: float) -> floa
 def test_picking_times_have_the_named_mean_and_distribution(
     distribution: str, cv: float | None, speed: float
 ) -> None:
-    """Picking times have the mean the spread and the distribution that are named."""
     cv = cv or (1.0 - speed) / 2.0  # a gamma distribution of shape 4
     drawn = times(distribution, cv, speed)
     assert fmean(drawn) == pytest.approx(1.0, abs=4 * cv / math.sqrt(N))
@@ -174,7 +171,6 @@ TOO_WIDE = [
 def test_a_spread_with_too_fast_a_picker_is_refused(
     distribution: str, cv: float, speed: float, wanted: str
 ) -> None:
-    """A spread for which a picker would be too fast is refused."""
     told = refusal(
         f"picking_speed: {speed}\npicking:\n  spread: {{distribution: {distribution}, cv: {cv}}}"
     )
@@ -246,7 +242,6 @@ NAMES = sorted(QUEUES)
 def test_every_place_lies_between_bay_and_delivery_road(
     name: str, length: float, bay: float, carriers: int
 ) -> None:
-    """Every place lies behind the bay and before the delivery road."""
     queue = queue_of(name, length, bay, carriers)
     if queue is None:
         return
@@ -267,7 +262,6 @@ def test_a_usual_orchard_holds_all_carriers(name: str) -> None:
 
 
 def test_a_short_queue_is_refused_with_numbers_that_would_do() -> None:
-    """A queue that is too short is refused with the numbers that would do."""
     with pytest.raises(ScenarioError) as caught:
         check({"row_length": 20.0, "rows": 12, "pickers": 12, "carriers": 10, "route": TWO_WAY})
     words = str(caught.value)

@@ -22,7 +22,6 @@ from orchard.report.plan import orchard_plan, present_plan
 @settings(max_examples=20)
 @given(rows())
 def test_surveyed_rows_lie_as_surveyed_without_overlaps(drawn: list[Row]):
-    """Surveyed rows lie where the survey says and nothing overlaps."""
     layout = lay_out(orchard_of(drawn))
     assert overlapping_starts(layout) == []
     first = layout.lane(1).y
@@ -110,7 +109,6 @@ def test_a_short_row_fills_its_bin_and_takes_its_own_time():
 
 
 def test_a_rate_with_a_bin_a_row_is_that_of_the_mean_row():
-    """A rate where each row fills a bin is that of the mean row."""
     layout = lay_out(orchard_of(UNEQUAL, picking_rate=60.0))
     assert fmean(
         layout.picking_seconds(lane.number, lane.length) for lane in layout.lanes
@@ -181,7 +179,6 @@ NO_SURVEYS = [
 
 @pytest.mark.parametrize(("change", "words"), NO_SURVEYS)
 def test_an_impossible_survey_is_refused_with_row_and_limit(change: dict, words: str):
-    """A survey that cannot be is refused with the row and the limit."""
     assert words in problem(change)
 
 

@@ -78,17 +78,13 @@ def interrupted_at(module: str, *command: str) -> tuple[int, str]:
     ],
 )
 def test_ctrl_c_during_the_imports_of_run_py_ends_it_silently(module):
-    """Ctrl-C while run.py is still importing ends it without a word."""
     code, said = interrupted_at(module, "run.py", *SHORT)
     assert code in (-signal.SIGINT, 130), "what a shell shows as 130"
     assert said.strip() == ""
 
 
 def test_ctrl_c_held_back_before_the_start_is_heard():
-    """Ctrl-C that was held back from before the start is heard.
-
-    As the page does: Python loses one that comes while it starts.
-    """
+    """The page holds Ctrl-C back, because Python loses one that comes while it starts."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         line = [sys.executable, "run.py", *SHORT]
@@ -108,7 +104,6 @@ def test_ctrl_c_held_back_before_the_start_is_heard():
 
 @pytest.mark.parametrize("command", [("run.py", "app"), ("-m", "orchard", "app")])
 def test_ctrl_c_during_the_imports_of_the_page_ends_it_silently(command):
-    """Ctrl-C while the page is still importing ends it without a word."""
     pytest.importorskip("nicegui")
     code, said = interrupted_at("nicegui.helpers", *command, "--quiet", "--port", "0")
     assert code in (-signal.SIGINT, 130)
@@ -166,7 +161,6 @@ def test_ctrl_c_stops_it_at_once(tmp_path, monkeypatch):
 
 
 def test_ctrl_c_ends_an_endless_tick_with_the_result_so_far(tmp_path, capsys):
-    """Ctrl-C ends the endless tick of an agent and the result is that of the ticks before."""
     scenario = driven_by(picker_01="Endless")
     wish = RunRequest(HarvestOptions(mode="local"), scenario, None, tmp_path)
     summary, why = local_run.run(wish, None, lambda *figures: None)

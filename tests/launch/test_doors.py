@@ -97,12 +97,7 @@ print(*(next(iter(place)) for place in places))
     "words", [["run.py", "--mode", "local"], ["-m", "orchard", "--mode", "lockstep"]]
 )
 def test_each_door_of_a_clone_works_without_links(words, tmp_path):
-    """Each door of a clone without links works and keeps recordings in one place.
-
-    In a copy, so that this clone keeps its own runs.
-
-    It is no command of the environment in which it runs.
-    """
+    """The clone is copied, so that this one keeps its own runs."""
     unzipped(tmp_path / "clone")
     there = {key: value for key, value in os.environ.items() if key != "ORCHARD_RUNS"}
 

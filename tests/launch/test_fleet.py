@@ -96,7 +96,6 @@ def fleet(clock):
 
 
 def test_who_dies_is_started_again_with_options_of_a_restart(fleet, clock):
-    """A process that dies is started again at once with the options of a restart."""
     first = RunOptions(run="a")
     again = RunOptions(run="a", resume=True)
     fleet.start(
@@ -202,7 +201,6 @@ def test_why_physics_is_gone_is_told_in_words(fleet, tmp_path, code, words):
 
 
 def test_physics_that_never_listens_is_told_with_its_time(fleet, tmp_path, monkeypatch):
-    """Physics that never listens is told with the whole time that it had."""
     monkeypatch.setattr(follower, "BEGIN_SECONDS", 0.5)
     fleet.clock = monotonic
     fleet.start(ProcessSpec(PHYSICS, "orchard.processes.physics", [], again=True, may_refuse=False))
@@ -257,7 +255,6 @@ def waits(fleet, clock, code=-9):
 
 
 def test_quick_deaths_wait_ever_longer_and_are_given_up(fleet, clock):
-    """Quick deaths are followed by ever longer waits and by giving up by name."""
     assert [waits(fleet, clock) for _ in range(DEATHS)] == [0.0, 0.25, 0.5, 1.0, 0.0]
     assert list(fleet.given_up) == ["agents 1"]
     assert (
@@ -268,7 +265,6 @@ def test_quick_deaths_wait_ever_longer_and_are_given_up(fleet, clock):
 
 
 def test_what_is_refused_may_pass_and_is_tried_for_half_a_minute(fleet, clock):
-    """As a port that is taken."""
     assert sum(waits(fleet, clock, BAD_ORDER) for _ in range(REFUSALS - 1)) > 30.0
     assert not fleet.given_up
     waits(fleet, clock, BAD_ORDER)
@@ -308,7 +304,6 @@ def test_processes_take_turns():
 
 
 def test_a_process_is_ended_when_its_token_is_gone_too_long(clock):
-    """A process is ended when its token is gone for too long and not while it starts."""
     fleet: Any = SimpleNamespace(clock=clock, number=1, killed=[])
     fleet.pid = lambda name: fleet.number
     fleet.kill = lambda name: fleet.killed.append(fleet.number)

@@ -106,7 +106,6 @@ def test_carriers_are_taken_away_and_added_time_and_again(changes, route):
 
 
 def test_a_fork_without_changes_has_the_hash_of_its_parent():
-    """A fork without changes has the hash of its parent and leaves it as it is."""
     parent = played(SMALL, 300)
     fork = played(parent.fork(), 500)
     assert parent.engine.tick == 300
@@ -159,7 +158,6 @@ def test_a_carrier_that_is_renamed_keeps_its_place_in_the_queue():
 
 
 def test_carriers_whose_class_remembers_a_list_can_be_taken():
-    """Carriers whose own class remembers a list can be taken away."""
     run = played(
         SMALL.model_copy(update={"carriers": 2, "agents": {"carrier": "own_agents.Listing"}}), 20
     )
@@ -186,7 +184,6 @@ def test_another_seed_changes_only_what_is_drawn_later():
 
 
 def test_losses_are_not_told_if_a_user_stopped_a_robot():
-    """What a harvest loses is not told if a user stopped a robot in it."""
     run = WatchedRun(played(SHORT, 100).snapshot())
     run.local.engine.stop(["picker_01"])
     run.go_on(150)
@@ -233,7 +230,6 @@ def test_what_cannot_change_is_named_with_the_reason(changes, why):
 
 
 def test_a_run_without_figures_is_not_jammed_at_once():
-    """A run that goes on from a snapshot without figures is not jammed at once."""
     assert (
         WatchedRun(
             played(with_changes(SMALL, row_length=200.0, picking_speed=0.1), 6100).snapshot()
@@ -337,7 +333,6 @@ def test_a_fork_is_a_run_of_its_own_that_can_be_forked_again(harvest, tmp_path):
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
 def test_resumed_stopped_and_killed_runs_can_be_forked(tmp_path, end):
-    """A run that goes on can be forked and one that was stopped or killed too."""
     file = scenario_file(tmp_path, SMALL)
     path = tmp_path / "fork.json"
     with running(
@@ -415,7 +410,6 @@ def test_the_commands_of_the_documents_about_forks_work(harvest, tmp_path):
 
 
 def test_an_added_carrier_has_a_slow_error_from_the_first():
-    """A carrier that a fork adds has a slow error of its receiver from the first."""
     run = Local(with_changes(TWO_WAY, carriers=2, queue_room=3, **{"sensors.gnss.bias": 0.02}))
     for _ in range(20):
         run.tick()
@@ -443,7 +437,6 @@ def test_a_future_that_is_cut_off_tells_no_end(harvest):
 
 
 def test_carriers_are_never_busier_than_all_the_time():
-    """Carriers are never busier than all the time though there were more before."""
     run = WatchedRun(Local(TWO_WAY).snapshot())
     run.go_on(2200)  # two of three carriers are back in the queue
     fewer = WatchedRun(forked(run.snapshot(), {"carriers": 1}))

@@ -79,7 +79,6 @@ def test_a_full_disk_loses_recordings_but_not_the_result(small_disk, tmp_path, m
 
 
 def test_a_log_that_fills_its_disk_ends_no_run(small_disk, tmp_path):
-    """A log that fills its disk ends no run and the table comes on stderr."""
     path = tmp_path / "summary.json"
     with open("/dev/full", "w") as full:
         done = harvest(
@@ -93,7 +92,6 @@ def test_a_log_that_fills_its_disk_ends_no_run(small_disk, tmp_path):
 
 
 def test_the_summary_is_written_where_nothing_can_be_printed(small_disk, tmp_path):
-    """Where nothing can be printed the summary is still written."""
     path = tmp_path / "summary.json"
     with open("/dev/full", "w") as full:
         done = harvest(

@@ -33,7 +33,6 @@ SHORT = ("--rows", 3, "--mode", "local", "--duration", 1)
 
 @pytest.mark.parametrize("option", ["--record", "--summary"])
 def test_a_directory_in_place_of_a_file_is_told_at_once(option, tmp_path):
-    """A directory in place of a file is told before the harvest."""
     done = orchard(
         *SHORT, *(() if option == "--record" else ("--record", "none")), option, tmp_path, code=2
     )
@@ -59,7 +58,6 @@ READ_ONLY = [
 def test_a_read_only_folder_is_told_with_the_way_out(
     name, fault, told, tmp_path, monkeypatch, capsys
 ):
-    """A folder that can only be read is told in words with the way out."""
 
     def refuse(path, *_, **__):
         raise OSError(fault, os.strerror(fault), str(path))
@@ -90,7 +88,6 @@ def test_a_run_without_snapshots_is_not_the_last_one(tmp_path):
 
 
 def test_a_missing_folder_to_resume_is_told_and_not_made(tmp_path):
-    """A folder to resume that is not there is told and not made."""
     with pytest.raises(
         SnapshotError, match="typo: no snapshots of such a run; expected the folder"
     ):
@@ -180,7 +177,6 @@ def test_a_named_pipe_is_refused_and_stdout_is_taken(tmp_path):
 
 
 def test_a_link_stays_a_link_and_a_broken_one_is_no_recording(tmp_path):
-    """A link stays a link and one that leads nowhere is no recording."""
     (tmp_path / "gone.rrd").symlink_to("nowhere")
     assert newest_path(tmp_path.glob("*.rrd")) is None
     check_writable(tmp_path / "gone.rrd")
@@ -250,7 +246,6 @@ def test_an_answer_that_fits_on_no_disk_is_told_with_its_path(command, tmp_path)
 
 
 def test_the_summary_is_there_before_the_recording_is_packed(tmp_path, monkeypatch):
-    """The summary is there before the recording is packed and a stop leaves no half of it."""
     packer = tmp_path / "packer"
     summary = tmp_path / "summary.json"
     runs = tmp_path / "runs"

@@ -24,7 +24,6 @@ def imported(*words: object):
 
 
 def test_the_commands_of_the_document_harvest_the_sample(tmp_path):
-    """The commands of the document import and harvest the sample."""
     pytest.importorskip("pyproj", reason=NEEDS)
     make, harvest, export = commands(block("docs/how-to.md", "own orchard"))
     make = [str(SAMPLE) if word.endswith(".geojson") else word for word in make]

@@ -78,7 +78,6 @@ def test_python_m_orchard_begins_beside_them_and_runs_none(folder):
 
 
 def test_a_users_package_still_finds_its_own_modules(tmp_path):
-    """A user's package that imports the library still finds its own modules."""
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "__init__.py").write_text("import orchard\n")
     (tmp_path / "mine" / "__main__.py").write_text("import mine.other\n")
@@ -88,7 +87,6 @@ def test_a_users_package_still_finds_its_own_modules(tmp_path):
 
 @pytest.mark.parametrize("mode", ["lockstep", "local"])
 def test_a_named_class_gets_pythons_own_modules(mode, folder):
-    """A class that is named is imported and gets Python's own modules."""
     (folder / "rester.py").write_text(OWN)
     (folder / "own.yaml").write_text("rows: 3\nagents: {picker: rester.Rester}\n")
     words = ("own.yaml", "--duration", 1, "--hosts", 1, "--record", "none", "--mode", mode)

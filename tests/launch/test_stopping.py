@@ -34,7 +34,6 @@ def runs(tmp_path, monkeypatch):
     "mode", [("--mode", "realtime", "--speed", 5), ("--speed", 4)], ids=["realtime", "lockstep"]
 )
 def test_the_command_line_stops_a_robot_of_a_run_here(tmp_path, runs, mode):
-    """The command line stops a robot of the run that goes on here."""
     path = tmp_path / "summary.json"
     order = (
         "--rows",
@@ -123,10 +122,7 @@ def test_a_late_answer_of_physics_is_told_and_taken(monkeypatch):
 
 
 def test_a_stop_is_asked_once_where_the_run_is_asked_for_first():
-    """Where the run must first be asked for the stop is still asked once.
-
-    What is left of the first question must not be taken for an end of the second.
-    """
+    """What is left of the first question must not be taken for an end of the second."""
     with router() as physics, ThreadPoolExecutor() as pool:
         for what in ("scenario", "stop"):
             physics.answer(f"orchard/{what}")
@@ -160,7 +156,6 @@ def two_runs(folder: Path):
 
 
 def test_a_stop_stops_all_runs_here_whatever_one_does(runs, monkeypatch, capsys):
-    """A stop stops all runs here whatever becomes of one of them."""
     monkeypatch.setattr(asking, "LOOK_SECONDS", 0.5)
     gone = noted(runs, RunNote("c", "tcp/127.0.0.1:9", "run c"))
     with two_runs(runs) as going, gone, ThreadPoolExecutor() as pool:

@@ -50,7 +50,6 @@ def an_end(**summary):
 
 
 def test_an_end_that_says_nothing_of_the_run_is_refused():
-    """An end that says nothing of the run is refused whoever sends it."""
     with pytest.raises(Refused, match="malformed"):
         follower._hear(an_end(), "run1", PROGRESS)
     with pytest.raises(Refused, match="malformed"):
@@ -59,7 +58,6 @@ def test_an_end_that_says_nothing_of_the_run_is_refused():
 
 
 def test_an_end_is_believed_only_while_physics_goes():
-    """An end is believed only while physics goes in whichever order that is heard."""
     now = [0.0]
     end = End("run1", 5, True, "harvested", "0" * 64, {})
     for first, second in (("hear", "track"), ("track", "hear")):
@@ -167,7 +165,6 @@ def test_the_summary_of_a_run_stopped_early_is_waited_for(monkeypatch, signals, 
 
 @pytest.mark.parametrize(("signals", "is_reached"), [(1, True), (2, False)])
 def test_a_run_stopped_before_physics_listens_is_stopped(signals, is_reached):
-    """A run that is stopped before physics listens is stopped when it does."""
     inbox = Inbox()
     tries = []
 

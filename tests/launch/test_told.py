@@ -123,7 +123,6 @@ def said(folder, **options) -> list[str]:
 
 
 def test_a_run_says_how_to_stop_it_and_leaves_a_note(tmp_path):
-    """A run says how to stop it and leaves a note that a user recognizes."""
     assert said(tmp_path) == [
         "Ctrl-C ends the run; emergency stop of the robots: .venv/bin/python run.py stop",
         "5 rows, 2 pickers, seed 1, since HH:MM:SS",

@@ -280,7 +280,6 @@ def test_the_sentence_counts_rows_as_the_table_does():
 
 
 def test_a_full_disk_is_told_and_leaves_no_empty_file(tmp_path, monkeypatch, capfd):
-    """A disk that is full is told with the file and no empty file is left."""
     pytest.importorskip("pyproj")
 
     def full(file):
@@ -328,7 +327,6 @@ def test_a_strange_place_ends_in_words_at_once(before, variable, arguments, code
 
 @pytest.mark.parametrize("option", ["--record", "--table"])
 def test_the_second_run_that_writes_to_one_place_is_refused(option, tmp_path, monkeypatch, capfd):
-    """Of two runs that write to one place the second is refused."""
     place = tmp_path / ("run.rrd" if option == "--record" else "tables")
     (place.touch if option == "--record" else place.mkdir)()
     with alone(place):

@@ -31,7 +31,6 @@ class LosesTheEnd(Net):
 
 
 def test_a_host_cut_off_at_the_end_is_told_it_again(undisturbed):
-    """A host that is cut off when the run ends is told the end again."""
     run = Run(SMALL, RUN, TICKS, LosesTheEnd(), cast)
     assert run.to_the_end().hash == undisturbed
     assert run.code == 0
@@ -86,7 +85,6 @@ LEAVINGS = [
 
 @pytest.mark.parametrize(("items", "until", "told"), LEAVINGS)
 def test_physics_waits_for_sessions_and_tells_the_end_again(items, until, told):
-    """Physics waits for a session that has not said that it leaves and tells it the end again."""
     bus = waited(items, LEAVE_SECONDS)
     assert bus.now == pytest.approx(until)
     assert bus.told == told or (told is None and len(bus.told) >= 8)

@@ -54,7 +54,6 @@ def assert_all_delivered(end, rows) -> None:
 
 
 def test_a_carrier_written_from_keyspace_alone_harvests(fleet):
-    """A carrier written from keyspace alone brings in the harvest."""
     end = harvest(fleet, SMALL.model_copy(update=ONE_WAY))
     assert_all_delivered(end, SMALL.rows)
     assert end["taken"] == SMALL.rows

@@ -44,7 +44,6 @@ os._exit(0)
 
 
 def test_a_process_ends_when_its_parent_is_gone(tmp_path):
-    """A process that does not end when asked ends when its parent is gone."""
     (tmp_path / "child.py").write_text(CHILD)
     there = os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
     subprocess.run(

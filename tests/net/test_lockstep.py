@@ -346,7 +346,6 @@ def test_a_host_that_waits_asks_again_after_a_changed_join(fleet, monkeypatch):
 
 
 def test_a_host_with_a_wrong_name_ends_with_words(fleet):
-    """A host with a name that a user has wrong ends with words."""
     fleet.physics(SMALL, "--duration", "1")
     code, _, err = fleet.host("--only", "pickar_01", agents=TOY).end()
     assert code == 2
@@ -370,7 +369,6 @@ def memory_in(velocities):
 
 
 def test_a_new_host_takes_over_the_robot_of_a_killed_one(fleet):
-    """The robot of a killed host stands and a new host takes it over."""
     fleet.physics(SMALL, "--patience", "0.5", "--speed", "10")
     someone = fleet.client()
     lost, poses, velocities = (
@@ -469,7 +467,6 @@ def test_agents_load_neither_the_compiler_nor_the_viewer():
 
 
 def test_a_second_run_with_the_same_prefix_must_go(fleet, undisturbed, tmp_path):
-    """A second run with the same prefix must go and the first goes on."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     fleet.router(endpoint)
     fleet.physics(SMALL, "--duration", str(TICKS / 10), "--connect", endpoint)

@@ -95,10 +95,7 @@ FIRST_EXCHANGE = 600  # ticks, until both pickers have another bin
     ],
 )
 def test_lost_doubled_and_reordered_packets_change_nothing(fleet, ticks):
-    """Packets that are lost doubled and reordered change nothing.
-
-    Half of the agents are on each of two machines. Each time other packets suffer.
-    """
+    """Half of the agents are on each of two machines. In each run other packets suffer."""
     local = played(Local(BRIEF), ticks)
     with machines("a", "b") as (host, *guests):
         for guest in guests:
@@ -116,7 +113,6 @@ def test_lost_doubled_and_reordered_packets_change_nothing(fleet, ticks):
 
 @needs_machines
 def test_two_commands_run_the_carriers_on_another_machine(tmp_path):
-    """The two commands of the document run the carriers on another machine."""
     first, second = commands(block("docs/how-to.md", "two machines"))
     first += [
         "--rows",

@@ -35,7 +35,6 @@ def settled(tick):
 
 
 def test_a_request_is_heard_and_answered_at_the_next_tick():
-    """A request is received at once heard at the next tick and answered then."""
     box = mailbox()
     query = Query(letter(tick=5))
     box.hear("picker_01", query)
@@ -49,7 +48,6 @@ def test_a_request_is_heard_and_answered_at_the_next_tick():
 
 
 def test_requests_are_heard_in_one_order():
-    """Requests are heard in one order whatever the order of arrival."""
     box = mailbox()
     for sender, number in [("bin_02", 1), ("bin_03", 0), ("bin_02", 0), ("bin_01", 3)]:
         box.hear("picker_01", Query(letter(sender, 4, number)))
@@ -84,9 +82,7 @@ def test_a_request_of_the_past_or_far_future_is_dropped(tick):
 
 
 def test_a_request_after_its_heard_copy_is_no_fault():
-    """A request that comes after its copy was heard is no fault.
-
-    A host that joins hears the requests of two ticks from the copies; the queries may come
+    """A host that joins hears the requests of two ticks from the copies; the queries may come
     later, in a run without any fault.
     """
     box = mailbox(5)
@@ -141,7 +137,6 @@ def ask(box, tick=5):
 
 
 def test_a_tick_waits_for_every_request_physics_tells_of():
-    """A tick waits for every request of the last one of which physics tells."""
     box = settled(5)
     expected = [AskedOf("picker_01", "bin_01", 0), AskedOf("picker_01", "bin_02", 3)]
     assert box.is_settled(5, []) and not box.may_lack_mail(5, [])
@@ -307,7 +302,6 @@ def test_nobody_answers_in_anothers_place():
 
 
 def test_each_that_comes_back_gives_all_time_once_a_tick():
-    """Each that comes back gives all some time but once in a tick."""
     clock = Clock()
     answers = LockstepBarrier(roster(("picker_01", "a"), ("bin_01", "b")), clock)
     answers.open(3)
@@ -340,7 +334,6 @@ def loose(ticks):
 
 
 def test_what_is_older_than_half_a_second_is_past():
-    """What is older than half a second or than the last is past."""
     one, clock = loose(20)
     one.take("picker_01", velocity(10))
     with pytest.raises(Refused, match="past tick"):

@@ -73,7 +73,6 @@ MISTAKES = [
 
 @pytest.mark.parametrize(("kind", "words", "told"), MISTAKES)
 def test_a_wrong_command_line_is_told_with_what_would_be_right(kind, words, told, capsys):
-    """What is wrong in a command line is told with what would be right."""
     with pytest.raises(SystemExit, match="2"):
         read_options(kind, "module", words)
     assert told in capsys.readouterr().err
@@ -98,7 +97,6 @@ def test_a_port_that_is_given_is_taken_as_it_is():
 
 
 def test_other_machines_reach_all_addresses_at_one(monkeypatch):
-    """Other machines reach all addresses at one of this machine."""
     assert from_elsewhere("tcp/192.168.1.10:7447") == "tcp/192.168.1.10:7447"
     monkeypatch.setitem(
         OUTSIDE, "0.0.0.0", "127.0.0.9"

@@ -48,7 +48,6 @@ def turned(**off: float) -> Stage:
     "off", [{"yaw": 0.01}, {"yaw": -0.3}, {"y": 0.3}, {"y": -0.05, "yaw": 0.2}]
 )
 def test_a_robot_off_its_heading_or_line_comes_back_to_it(off):
-    """A robot that is off its heading or its line comes back to it."""
     stage = turned(**off)
     stage.run_until(lambda: stage.pose("carrier_01")[0] >= -10.0, 60)
     stage.assert_at("carrier_01", heading="EAST")
@@ -67,10 +66,7 @@ def test_a_robot_that_stands_is_back_at_its_place_before_it_acts():
 
 
 def test_a_robot_driven_past_a_gate_comes_back_and_waits():
-    """A robot that was driven past a gate comes back and waits there.
-
-    It drove on without the gate's places, and two robots waited for each other.
-    """
+    """The robot once drove on without the gate's places, and two robots waited for each other."""
     stage = Stage(empty_orchard())
     stage.put("carrier_01", -35.0, 29.0)
     stage.give(
@@ -88,10 +84,7 @@ def test_a_robot_driven_past_a_gate_comes_back_and_waits():
     "twist", [Twist(x=0.93, yaw=-0.08), Twist(x=0.787, yaw=-0.33), Twist(x=-0.3, yaw=0.3)]
 )
 def test_a_carrier_off_its_place_comes_back_and_takes_the_bin(route, twist):
-    """A carrier off its place before a full bin comes back to it and takes the bin.
-
-    It drove back into the bin again and again: no laser looks back.
-    """
+    """The carrier once drove back into the bin again and again: no laser looks back."""
     stage = Stage(empty_orchard(route=route))
     stage.tick()
 
@@ -116,7 +109,6 @@ ADVICE = st.tuples(st.integers(5, 2500), st.sampled_from(ROBOTS), TWISTS, st.int
 @settings(max_examples=10)
 @given(st.sampled_from(["one-way", "two-way"]), st.lists(ADVICE, min_size=1, max_size=3))
 def test_a_harvest_with_robots_turned_by_advice_finishes(route, advice):
-    """A harvest in which advice turns and drives robots at any moment finishes."""
     changes = {
         "rows": 4,
         "pickers": 2,
@@ -281,10 +273,7 @@ JAMMED = {  # what was wrong -> the scenario, and the advice: tick, robot, m/s, 
 
 @pytest.mark.parametrize("what", JAMMED)
 def test_a_harvest_with_robots_driven_off_their_lines_finishes(what):
-    """A harvest in which advice drives robots off their lines finishes.
-
-    Each of these jammed, or hit the same thing again and again.
-    """
+    """Each of these harvests once jammed, or a robot hit the same thing again and again."""
     changes, *advice = JAMMED[what]
     stage = harvest(changes, advice)
     assert collisions(stage.world) <= len(advice), stage.happened("collision")[-5:]

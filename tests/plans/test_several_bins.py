@@ -34,7 +34,6 @@ from orchard.tables.exchanges import exchanges
     st.sampled_from(ROW_ORDERS),
 )
 def test_each_metre_is_picked_once_and_bins_are_full(rows, metres_per_bin, start, order):
-    """Each metre is picked once and each bin but the last is full."""
     passes = passes_of(
         rows, Block(tuple(range(1, len(rows) + 1)), start), metres_per_bin, ORDERS[order]
     )
@@ -232,10 +231,7 @@ def test_a_picker_remembers_few_steps_however_many_bins_it_fills():
     [(None, 3, 0.0), (70.0, 3, 0.0), (17.5, 12, 0.75 * (70.0 + 22.4))],
 )
 def test_the_summary_has_the_cost_of_drives_to_row_ends(metres_per_bin, bins, seconds):
-    """What it costs to drive to the ends of rows is in the summary.
-
-    With four bins a row there are three more drives through 70 m, and three more turns.
-    """
+    """With four bins a row there are three more drives through 70 m, and three more turns."""
     stage = Stage(empty_orchard(pickers=3, metres_per_bin=metres_per_bin))
     told = stage.account.figures()
     assert (told["bins"], told["row_end_seconds"]) == (bins, pytest.approx(seconds, abs=0.1))

@@ -92,10 +92,7 @@ def test_a_carriers_turns_on_its_loop_stay_clear_of_both_bins(x, y, start, least
 
 
 def test_a_carrier_with_the_full_bin_stays_off_deliveries():
-    """A carrier with the full bin stays off the road of deliveries.
-
-    It may stand at its own place there.
-    """
+    """The carrier may stand at its own place on the road of deliveries, and nowhere else there."""
     turn = swept(train("carrier"), F_ROAD, 0.0, EAST, -QUARTER)
     assert turn[:, 1].max() < 2.8, "no robot waits nearer than that"
     assert turn[:, 0].max() < D_ROAD - 0.75 - 0.1
@@ -302,7 +299,6 @@ for number, (start, end) in enumerate(ENDS):
 @example(orchard_of(CLOSE, pickers=4, carriers=4))
 @example(orchard_of(CLOSE, pickers=4, carriers=4, route=TWO_WAY, rows_to_pickers=FROM_THE_EAST))
 def test_what_stands_at_unequal_rows_is_clear_of_every_drive(scenario: Scenario) -> None:
-    """What stands at unequal rows is clear of every drive and every turn."""
     assert too_near(lay_out(scenario)) == []
     assert in_a_turn(lay_out(scenario)) == []
 

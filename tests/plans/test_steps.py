@@ -33,7 +33,6 @@ def test_a_renamed_step_keeps_its_name_in_snapshots():
 
 @pytest.mark.parametrize(("heading", "seconds"), [("NORTH", 4.0), ("SOUTH", 4.0), ("WEST", 8.0)])
 def test_a_turn_by_ninety_degrees_is_exact_in_four_seconds(heading, seconds):
-    """Turning by ninety degrees takes four seconds and is exact."""
     stage = meadow()
     stage.put("carrier_01", 0.0, 20.0)
     assert stage.follow("carrier_01", [Face(heading)], 20) == pytest.approx(seconds + 0.1), (
@@ -43,7 +42,6 @@ def test_a_turn_by_ninety_degrees_is_exact_in_four_seconds(heading, seconds):
 
 
 def test_turning_waits_for_what_the_bin_will_sweep():
-    """Turning waits while something stands in what the bin will sweep."""
     stage = one_guest("worker", -2.0, 21.6)
     stage.local.agents["worker_01"] = Standing()
     stage.put("carrier_01", 0.0, 20.0)
@@ -58,7 +56,6 @@ def test_turning_waits_for_what_the_bin_will_sweep():
 
 @pytest.mark.parametrize("metres", [3.0, 2.55, 0.04])
 def test_a_movement_by_x_metres_ends_with_a_slower_remainder(metres):
-    """Directed movement by x metres ends there with the remainder driven slower."""
     stage = meadow()
     stage.put("carrier_01", 0.0, 20.0)
     stage.give("carrier_01", [Ahead(metres)])
@@ -67,7 +64,6 @@ def test_a_movement_by_x_metres_ends_with_a_slower_remainder(metres):
 
 
 def test_a_movement_to_a_point_goes_along_its_own_axis_first():
-    """Directed movement to a point goes along its own axis first."""
     stage = meadow()
     stage.put("carrier_01", 0.0, 18.0)
     stage.give("carrier_01", [MoveTo(6.0, 24.0)])
@@ -77,7 +73,6 @@ def test_a_movement_to_a_point_goes_along_its_own_axis_first():
 
 @pytest.mark.parametrize(("x", "y", "heading"), [(6.0, 24.0, "NORTH"), (-5.0, 18.0, "WEST")])
 def test_a_movement_ends_at_its_point_also_behind_the_robot(x, y, heading):
-    """Directed movement ends at its point also behind the robot."""
     stage = meadow()
     stage.put("carrier_01", 0.0, 18.0)
     stage.follow("carrier_01", [MoveTo(x, y)])
@@ -85,7 +80,6 @@ def test_a_movement_ends_at_its_point_also_behind_the_robot(x, y, heading):
 
 
 def test_a_movement_ends_right_after_something_in_the_way():
-    """Directed movement ends right although something was in the way."""
     stage = one_guest("worker", 0.0, 18.0, "NORTH")
     stage.local.agents["worker_01"] = Standing()
     stage.put("carrier_01", -6.0, 18.0)
@@ -141,7 +135,6 @@ def off_its_place(stage: Stage, robot: str, fruit: str) -> float:
 
 
 def test_a_robot_stands_a_second_after_a_refused_step():
-    """A robot stands for a second after a step that physics refused."""
     stage = meadow()
     stage.put("carrier_01", 0.0, 20.0)
     stage.put("carrier_02", 0.0, 17.0)
@@ -188,7 +181,6 @@ def test_a_drive_after_a_turn_of_the_same_tick_looks_ahead():
 
 
 def test_a_robot_with_nothing_near_is_asked_at_its_turns_end():
-    """A robot without a bin that turns where nothing is near is asked at the end of its turn."""
     stage = turning()
     asked = []
     for tick in range(80):  # a half turn takes 8 s
@@ -199,7 +191,6 @@ def test_a_robot_with_nothing_near_is_asked_at_its_turns_end():
 
 
 def test_a_turning_robot_is_asked_when_something_comes_near():
-    """A robot that turns is asked when something comes into the area of its turn."""
     stage = turning("WEST", "EAST")
     stage.put("carrier_01", -40.5, 29.0)
     stage.local.agents["carrier_01"] = Driven(Twist(x=1.0))

@@ -114,9 +114,8 @@ def test_a_logger_begins_with_a_whole_picture():
 
 
 def test_a_logger_records_however_slowly_it_opened(monkeypatch):
-    """A logger records however long its recording took to open.
-
-    That physics is there waits in the inbox: it counts, also if it came long before.
+    """While the recording opens, messages that physics is alive wait in the inbox. They count when
+    they are read, though they came long before.
     """
     now = [0.0]
     bus = StandIn(Net(), "logger")
@@ -145,10 +144,8 @@ def test_a_logger_that_gives_up_says_so(monkeypatch, caplog):
 
 
 def test_changes_of_all_pictures_together_are_a_whole_one():
-    """The changes of all pictures together are what a whole one says.
-
-    Also while robots are stopped, reset and in each other's way, and after a tick without a
-    picture.
+    """This holds while robots are stopped, reset and in each other's way, and after a tick without
+    a picture.
     """
     local = Local(Scenario(rows=10, pickers=10, seed=4))
     said = dict[str, str]()
@@ -292,7 +289,6 @@ def rows(battered):
 
 
 def test_a_run_with_a_battered_logger_has_the_same_hash(battered, unharmed):
-    """A run whose logger is battered ends well with the same hash."""
     _, summary, printed = battered
     assert summary["hash"] == unharmed[1]["hash"]
     assert len(re.findall(r"logger ended with code -9; starting it again", printed)) == 3
@@ -312,7 +308,6 @@ def test_its_parts_are_one_recording(battered):
 
 
 def test_gaps_are_named_in_the_summary_and_the_recording(battered, rows):
-    """The gaps are named in the summary and in the recording and are where nothing is."""
     _, summary, _ = battered
     gaps = summary["recording_gaps"]
     assert len(gaps) == 2
@@ -355,11 +350,9 @@ def test_after_the_gaps_everything_is_as_if_there_had_been_none(battered, rows, 
 
 
 def test_refusals_pauses_and_steps_are_events_at_their_ticks(fleet):
-    """Refusals pauses and steps are events of the recording at their ticks.
+    """Refusals, pauses and steps come on keys of their own, ahead of the bundles.
 
-    Of what the logger passes to the writer.
-
-    They come on keys of their own, ahead of the bundles.
+    The test looks at what the logger passes to the writer.
     """
     fleet.physics(Scenario(rows=3), "--duration", "12", "--recorded", "--speed", "5")
     fleet.start("orchard.processes.logger", "--connect", fleet.endpoint)
@@ -431,10 +424,7 @@ def written(pages: FrameQueue, last: int | None = 0) -> Notebook:
 
 
 def test_a_slow_recorder_leaves_out_pictures_but_no_words():
-    """A slow recorder leaves out pictures but nothing that was said.
-
-    It takes three ticks for a picture.
-    """
+    """The recorder takes three ticks for a picture."""
     pages = FrameQueue(most=10)
     taken = []
     for tick in range(1, 1001):

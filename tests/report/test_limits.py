@@ -83,10 +83,7 @@ def test_a_long_run_keeps_its_limit_with_a_far_end():
 
 
 def test_a_long_run_keeps_its_limit_with_other_service_times():
-    """A long run keeps its limit where pickers are served at other times.
-
-    One of six pickers waits long in the first half, so its last rounds alone are too fast.
-    """
+    """One of six pickers waits long in the first half, so its last rounds alone are too fast."""
     assert_within_limit(
         {
             "pickers": 6,
@@ -105,10 +102,7 @@ def test_a_long_run_keeps_its_limit_with_other_service_times():
 
 @pytest.mark.parametrize("carriers", [1, 2])
 def test_a_long_run_keeps_its_limit_where_near_bins_come_first(carriers):
-    """A long run keeps its limit where a policy prefers near bins.
-
-    The near picker fills 1.4 times as many bins as the far one.
-    """
+    """The near picker fills 1.4 times as many bins as the far one."""
     assert_within_limit(
         {
             "pickers": 2,
@@ -228,11 +222,7 @@ def test_a_picker_that_comes_out_of_its_row_crosses_once(route):
 
 
 def test_the_rate_of_a_long_run_is_not_cut_at_the_limit():
-    """The rate of a long run is measured and not cut at the limit.
-
-    If plans were twice too slow for carriers, the same run would exceed the limit that
-    follows.
-    """
+    """If plans were twice too slow for carriers, this run would exceed the limit that follows."""
     layout = lay_out(empty_orchard(rows=4, pickers=3, carriers=1, picking_speed=0.5))
     rate = long_run(layout).bins_per_hour
     wrong = Bounds(layout)

@@ -59,7 +59,6 @@ def test_a_run_in_which_somebody_works_is_not_jammed(soon_jammed):
 
 @pytest.mark.parametrize(("rows", "jams"), [(20, True), (100, False)])
 def test_a_drive_home_of_more_than_ten_minutes_is_no_jam(rows, jams):
-    """Where a drive home takes longer than ten minutes it is no jam."""
     world = Stage(empty_orchard(rows=rows)).world
     world.tick = 6000
     assert HarvestFigures().jammed(world) == jams
@@ -203,7 +202,6 @@ def test_the_schedule_is_no_longer_than_the_harvest_with_traffic(changes, traffi
     ],
 )
 def test_the_schedule_with_own_classes_is_the_built_in_one(own):
-    """The schedule of a harvest with a user's classes is that of the built-in ones."""
     values = {"rows": 4, "pickers": 2, "carriers": 2}
     assert schedule_seconds(lay_out(empty_orchard(**values, **own))) == schedule_seconds(
         lay_out(empty_orchard(**values))
@@ -211,7 +209,6 @@ def test_the_schedule_with_own_classes_is_the_built_in_one(own):
 
 
 def test_an_early_policy_shortens_waits_and_the_schedule():
-    """An early policy shortens the wait of pickers and with it the schedule."""
     nearest, early = (
         lay_out(empty_orchard(rows=4, pickers=2, carriers=2, dispatch=name))
         for name in ("nearest", "predictive")
@@ -269,7 +266,6 @@ def test_what_batteries_cost_is_not_a_loss_to_the_policy():
 
 
 def test_without_a_solver_the_parts_still_add_up(monkeypatch):
-    """Without a solver nothing is proven and the parts still add up."""
     layout = lay_out(empty_orchard(rows=5, pickers=2, carriers=2))
     with_solver = lost_seconds(layout, 700.0)
     monkeypatch.setattr(bounds, "_proven", bounds._proven.__wrapped__)
@@ -328,7 +324,6 @@ def test_the_course_of_a_harvest_ends_with_its_figures():
 
 
 def test_a_long_run_has_few_samples_also_when_resumed(monkeypatch):
-    """A long run has few samples and a resumed one continues them."""
     monkeypatch.setattr(metrics, "MOST_SAMPLES", 8)
     stage = Stage(empty_orchard(rows=4, pickers=2, carriers=2))
     stage.run(100.0)

@@ -77,7 +77,6 @@ def test_every_robot_is_in_the_table_and_the_table_fits(pickers, carriers, width
 
 @pytest.mark.parametrize(("width", "height", "shown"), [(24, 24, 20), (48, 24, 40), (20, 5, 3)])
 def test_a_small_console_says_how_many_robots_it_leaves_out(width, height, shown):
-    """A console that is too small says how many robots it leaves out."""
     *lines, last = printed(fleet(20, 39), {}, width, height)
     assert sum(line.count("picking") + line.count("waiting") for line in lines) == shown
     assert last.strip() == f"and {20 + 39 + 1 - shown} more"
@@ -108,7 +107,6 @@ def test_a_robot_that_is_stopped_or_lost_its_agent_stands_out():
 
 
 def test_the_headline_tells_share_and_time_in_eighty_columns():
-    """The headline tells the share of metres and the time left in eighty columns."""
     assert (
         headline_of(FIGURES).line()
         == "   61.5 s    30.0 x real time   37 % picked  1/20 bins  0:45 min left"
@@ -151,12 +149,10 @@ TIMES_LEFT = [
 
 @pytest.mark.parametrize(("changes", "until", "left"), TIMES_LEFT)
 def test_the_time_left_is_that_of_the_schedule_or_the_rest(changes, until, left):
-    """The time left is that of the schedule or of the share that is not done."""
     assert headline_of(FIGURES | changes).seconds_left(until) == left
 
 
 def test_a_run_that_gets_ready_shows_that_it_goes_on(monkeypatch):
-    """A run that gets ready shows that it goes on until its first figures."""
     monkeypatch.setattr("orchard.report.progress.STILL_SECONDS", 0.001)
     lines = io.StringIO()
     told = threading.Event()
@@ -175,7 +171,6 @@ def test_a_run_that_gets_ready_shows_that_it_goes_on(monkeypatch):
 
 
 def test_output_to_no_terminal_is_plain_lines_now_and_then():
-    """Where the output is no terminal there are plain lines now and then."""
     shown = io.StringIO()
     console = Console(file=shown, width=100, force_terminal=False)
     with Progress(console) as progress:
@@ -255,7 +250,6 @@ def test_a_harvest_with_a_shift_tells_its_day():
 
 
 def test_a_run_stopped_before_its_first_tick_has_a_sentence():
-    """A run that is stopped before its first tick has a sentence."""
     nothing = harvested(**HALF | {"ended": "stopped", "sim_seconds": 0.0, "metres_picked": 0.0})
     assert sentence(nothing).startswith(
         "Stopped after 0:00 min, simulated, before the harvest was finished: 2 of 5 rows and 0 %"

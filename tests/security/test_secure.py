@@ -224,7 +224,6 @@ def test_the_logger_moves_nothing_and_stops_nothing(farm):
 
 
 def test_the_emergency_operator_stops_and_an_agent_cannot(farm):
-    """The emergency operator stops the run and an agent cannot."""
     amy = farm.come("amy")
     operator = farm.come("operator")
     end = wire.SetSimulationState(farm.run, "quitting")

@@ -43,7 +43,6 @@ def test_advice_counts_for_half_a_second():
     ("tick", "reason"), [(7 - WATCHDOG_TICKS, "past tick"), (5, "past tick"), (8, "future tick")]
 )
 def test_old_overtaken_or_future_advice_is_refused(tick, reason):
-    """Advice that is old or overtaken or of the future is refused."""
     advised = Advised()
     advised.take(NAME, advice(6), 6)
     with pytest.raises(Refused, match=reason):
@@ -74,7 +73,6 @@ def test_advice_replaces_only_velocity_and_hold(x, turn):
 
 
 def test_deeds_of_an_unasked_agent_are_not_done_again():
-    """The deeds of an agent that is not asked are not done again."""
     advised = Advised()
     advised.take(NAME, advice(3), 3)
     (got,) = advised.actions(
@@ -194,7 +192,6 @@ def test_a_harvest_with_outside_velocities_finishes():
 
 
 def test_a_deed_comes_with_the_velocity_of_an_unheld_robot(run):
-    """A deed comes with the velocity of a robot that no session holds."""
     world = run.physics.run.engine.world
     one_tick(run)
     one_tick(run, (KEYS.of("velocity", NAME), pack(driving(1, deeds=[Uncouple()]))))
@@ -205,7 +202,6 @@ def test_a_deed_comes_with_the_velocity_of_an_unheld_robot(run):
 
 
 def test_a_deed_is_done_once_beside_a_bare_velocity():
-    """A deed is done once though a bare velocity follows in the same tick."""
     unowned = UnownedCommands(Clock())
     unowned.take(NAME, driving(0, deeds=[Uncouple()]))
     unowned.take(NAME, driving(0, 0.5))
@@ -250,7 +246,6 @@ def test_nothing_is_kept_of_a_session_that_is_not_waited_for(run):
 
 
 def test_a_silent_session_loses_also_agents_that_hold(run):
-    """A session that is silent for too long loses also its agents that hold."""
     drivers = run.physics.run.drivers
     silent = ["worker_01", "traffic"]
     other = ["picker_01"]
@@ -295,7 +290,6 @@ FAULTS += [
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: str(fault)[:60])
 def test_a_refused_part_stops_this_robot_and_delays_no_other(fault, monkeypatch, caplog):
-    """A part that is refused stops this robot and delays no other."""
     run = Run(SMALL.model_copy(update={"rows_to_pickers": "balanced"}), "run1", FEW)
     run.physics.run.drivers.answers._patience = 4.0
     send = run.host.bus.publish
@@ -324,7 +318,6 @@ def test_a_refused_part_stops_this_robot_and_delays_no_other(fault, monkeypatch,
 
 
 def test_velocities_too_large_for_one_message_go_in_several(monkeypatch):
-    """Velocities that are too large for one message go in several."""
     monkeypatch.setattr(hosts, "MAX_PAYLOAD", 1000)
     run = Run(SMALL, "run1", TICKS)
     assert run.to_the_end().hash == local_hash(SMALL, TICKS)

@@ -96,7 +96,6 @@ class Late(Inbox):
 
 @pytest.mark.parametrize("mode", ["realtime", "lockstep"])
 def test_a_velocity_before_the_next_due_tick_counts_in_this(mode):
-    """A velocity that arrives before the next tick is due counts in this one."""
     run = Run(SMALL, RUN, 20)
     bus = run.physics.bus
     engine = Engine.begin(SMALL)
@@ -186,10 +185,7 @@ def test_the_end_of_a_run_ends_the_steps_of_a_query(fleet):
 
 
 def test_an_agent_silent_during_a_pause_is_not_missed(fleet):
-    """An agent that is silent while the run is paused is not missed.
-
-    It may be silent for 0.2 s; between two clocks of a pause 0.5 s pass.
-    """
+    """Physics bears a silence of 0.2 s, and between two clocks of a pause 0.5 s pass."""
     others = [
         word for name in lay_out(SMALL).agents if name != "traffic" for word in ("--absent", name)
     ]
@@ -213,7 +209,6 @@ def test_an_agent_silent_during_a_pause_is_not_missed(fleet):
 
 @pytest.mark.parametrize("seed", [pytest.param(None, marks=pytest.mark.soak), 7])
 def test_a_run_that_is_reset_begins_again(fleet, tmp_path, seed):
-    """A run that is reset begins again and is as if it had not been."""
     fleet.physics(ERRING, "--duration", str(TICKS / 10), "--table", str(tmp_path / "reset"))
     someone = fleet.client()
     asked(someone, "set_simulation_state", state="paused")

@@ -178,9 +178,8 @@ def test_the_tables_of_a_run_that_is_killed_have_each_row_once(battered):
 
 
 def test_a_signal_to_all_stops_a_run_that_can_go_on(tmp_path, undisturbed):
-    """A signal to all stops the run and it goes on where it was.
-
-    As when a machine is shut down. `tests/launch/test_run.py`: Ctrl-C.
+    """All processes get a signal when a machine is shut down. tests/launch/test_run.py tests
+    Ctrl-C.
     """
     path = tmp_path / "summary.json"
     with running(*PACE, "--speed", 5, "--record", "none", "--summary", path) as run:
@@ -245,7 +244,6 @@ def test_a_run_that_can_never_begin_ends_and_names_whom_it_lacks(tmp_path):
 
 @pytest.mark.soak
 def test_robots_of_a_dying_process_stand_and_the_run_goes_on(tmp_path):
-    """The robots of a process that dies again and again stand and the run goes on."""
     arguments = ("--hosts", 2, "--record", "none", "--duration", 40, "--patience", 3)
     path = tmp_path / "summary.json"
     done = orchard(

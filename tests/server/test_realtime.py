@@ -144,7 +144,6 @@ def test_the_newest_velocity_counts_although_it_is_late():
 
 
 def test_an_exact_velocity_drives_one_step_from_its_pose():
-    """An exact velocity drives one step and only from the pose that it answers."""
     one, clock = live()
     one.open(0)
     one.take("picker_01", *driving(0, once=True))
@@ -170,7 +169,6 @@ def test_deeds_are_done_once_and_nothing_that_was_said_is_lost():
 
 
 def test_letters_are_told_once_beside_a_bare_velocity():
-    """Letters are told once though a bare velocity follows in the same tick."""
     one, clock = live()
     one.open(0)
     answers = given_by(Action(answers=[(Heard("bin_01", 0, 0, StateRequest()), Yes())]))
@@ -243,7 +241,6 @@ def test_answers_come_when_they_come_and_silence_ends():
 
 
 def test_the_newest_tick_is_seen_and_a_repetition_is_no_news():
-    """The newest tick is what is seen and a repetition is no news."""
     latest = LatestObservations(RUN, ["traffic"], [])
     for tick in (3, 5, 5):
         latest.seen(pack(nothing_at(tick)))
@@ -275,7 +272,6 @@ def nothing_at(tick):
 
 
 def test_the_clock_goes_on_while_a_host_hangs(fleet):
-    """The clock goes on while a host hangs and its robot stands."""
     fleet.physics(SMALL, "--mode", "realtime", "--speed", "2")
     someone = fleet.client()
     clock = someone.hear("orchard/clock")

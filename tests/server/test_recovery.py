@@ -47,7 +47,6 @@ def end(process):
     ],
 )
 def test_hosts_killed_while_bins_call_change_nothing(fleet, dispatch):
-    """Hosts that are killed while bins call and carriers leave early change nothing."""
     scenario = empty_orchard(dispatch=dispatch)
     fleet.physics(scenario, "--speed", "30", "--duration", "90")
     fleet.share(2)
@@ -151,7 +150,6 @@ def test_physics_goes_on_without_its_scenario_file(fleet, undisturbed, tmp_path)
 
 
 def test_physics_with_a_torn_snapshot_begins_anew_and_says_so(fleet, undisturbed, tmp_path):
-    """Physics that has only a torn snapshot begins anew and says so."""
     keeping = killed_with_snapshots(fleet, tmp_path)
     for path in (tmp_path / "snapshots").glob("tick-*.snapshot"):
         path.write_bytes(path.read_bytes()[:1000])

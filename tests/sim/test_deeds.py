@@ -27,7 +27,6 @@ def beside(kind: str = "picker", off: float = 0.0, aside: float = 0.0, yaw: floa
     [0.0, math.pi / 2, -math.pi / 2, math.pi, math.radians(4.9), math.pi / 2 - math.radians(4.9)],
 )
 def test_a_bin_couples_at_any_quarter_turn_and_stays(kind, yaw):
-    """A bin at the coupling point couples at any quarter turn and stays where it is."""
     spot = beside(kind, off=0.06, aside=-0.06, yaw=yaw)
     before = spot.world.pose.copy()
     assert [event.what for event in spot.do(f"{kind}_01", Couple("bin_02"))] == ["coupled"]
@@ -109,7 +108,6 @@ def test_a_weed_is_not_flattened_by_what_stands_or_is_farther():
 
 
 def test_a_weed_is_flattened_by_the_straight_distance():
-    """A weed is flattened across a corner by the straight distance."""
     corner = yard(
         ("dog", Pose(0, 0, EAST)), ("weed", Pose(0.5 + 0.25 + 0.8, 0.4 + 0.25 + 0.8, EAST))
     )
@@ -127,7 +125,6 @@ def test_only_weeds_are_flattened():
 
 
 def test_deeds_are_done_in_body_order():
-    """Deeds are done in body order whatever the order of the actions."""
     engine = Engine.begin(Scenario())
     weeds = [name for name in engine.layout.names if kind_of(name) == "weed"]
     engine.observe()

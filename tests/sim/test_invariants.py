@@ -165,7 +165,6 @@ def test_a_call_that_does_not_end_in_one_exchange_is_named(checker, world, event
 
 
 def test_a_call_that_is_open_when_the_harvest_is_over_is_named(checker, world):
-    """One that is open when the time is over is not."""
     after(checker, world, FULL, happens("coupled", "picker_01", "bin_03"))
     assert checker.end(world, finished=False) == []
     assert checker.end(world, finished=True) == [
@@ -215,7 +214,6 @@ def test_what_stays_wrong_is_told_once(checker, world):
 
 
 def test_a_stopped_robot_that_moves_is_named(checker, world):
-    """A stopped robot that moves and a pair that is stopped by half are named."""
     i = world.index["picker_01"]
     world.stopped[i] = True
     world.twist[i, 0] = 0.5
@@ -258,7 +256,6 @@ SWITCHES = st.lists(st.tuples(st.integers(0, 1400), st.booleans(), WORDS), max_s
 @settings(max_examples=8, suppress_health_check=[HealthCheck.too_slow])
 @given(SCENARIOS, SWITCHES, st.integers(0, 1400))
 def test_no_run_violates_anything_whoever_is_stopped(scenario, switches, begins):
-    """No run violates anything whoever is stopped and wherever the checker begins."""
     local = Local(scenario)
     for tick in range(1500):
         for _, stop, words in [switch for switch in switches if switch[0] == tick]:
@@ -301,7 +298,6 @@ orchard.sim.engine.step = step
 
 
 def test_a_violation_is_exit_code_1_and_in_the_summary(tmp_path):
-    """A violation in local mode is exit code 1 and in the summary."""
     arguments = [
         "--mode",
         "local",

@@ -132,7 +132,6 @@ def test_a_folder_that_may_be_the_users_stays_as_it_is(changed, tmp_path):
 
 
 def test_torn_kernels_are_compiled_anew_in_the_same_run(kept):
-    """Torn and changed kernels are compiled anew in the same run and said in one line."""
     for name, damage in zip(LOADED, (tear, flip, lambda path: path.write_bytes(b"")), strict=True):
         files = [
             *kept.glob(f"{name}-*.nbc")
@@ -228,7 +227,6 @@ def test_a_reader_beside_a_writer_never_sees_a_part(tmp_path, caplog):
 
 @pytest.mark.soak
 def test_two_starts_without_kernels_both_reach_the_hash(tmp_path):
-    """Two that start at once without kernels both reach the hash."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": PATH}
     start = [sys.executable, "-c", PROGRAM]
     both = [

@@ -88,13 +88,11 @@ def test_holds_change_no_result(scenario, ticks):
 
 @pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
 def test_holds_change_no_result_and_few_are_asked(dispatch):
-    """Holds change no result of a whole harvest and few are asked."""
     scenario = Scenario(rows=3, row_length=40.0, picking_speed=1.0, dispatch=dispatch)
     assert same_run(scenario, 1700) <= 0.15
 
 
 def test_holds_change_no_result_of_a_bin_with_its_picker():
-    """Holds change no result where a bin keeps the speed of its picker."""
     same_run(
         empty_orchard(
             rows=3, carriers=3, row_length=30.0, metres_per_bin=27.1, dispatch="predictive"
@@ -106,7 +104,6 @@ def test_holds_change_no_result_of_a_bin_with_its_picker():
 @given(SCENARIOS, st.data())
 @settings(max_examples=4)
 def test_holds_change_no_stopped_reset_and_handed_over_run(scenario, data):
-    """A run that is stopped reset and handed over is the same with holds."""
     at = sorted(data.draw(st.lists(st.integers(1, 200), min_size=4, max_size=4)))
     robot = data.draw(st.sampled_from(["picker", "carrier"]))
     hashes = set()
@@ -134,7 +131,6 @@ def test_a_call_no_longer_repeated_is_forgotten():
 
 
 def test_a_walker_turning_at_the_edge_holds_for_no_time():
-    """A walker that turns at the edge of the place where it lingers holds for no time."""
     seen = Observation(
         "dog_01", 60, 6.0 - 1e-9, 0.0, (0.0, 1.0), STILL, np.full(180, np.inf, dtype=np.float32)
     )
@@ -149,7 +145,6 @@ class Silent(Holder):
 
 
 def test_an_agent_without_holds_is_asked_at_every_tick():
-    """An agent that says nothing of holds is asked at every tick."""
     assert asked_in(4, Silent()) == [0, 1, 2, 3]
 
 
@@ -208,7 +203,6 @@ def test_a_change_at_the_bar_ends_the_holds_of_both():
 
 
 def test_another_velocity_at_the_bar_ends_a_hold():
-    """Another velocity at the other end of the bar ends a hold."""
     stage = Stage(empty_orchard())
     stage.local.agents["bin_01"] = bin_ = Holder()
     stage.give("picker_01", [DriveTo(x=-30.0, speed=0.1)])
@@ -242,7 +236,6 @@ def test_a_still_zone_ends_a_hold_at_each_change_in_it():
 
 
 def test_another_freer_side_ends_a_hold():
-    """Another freer side ends a hold a change on one side does not."""
     stage, watcher = passed_by(
         1.5, -32.5, freer_within=3.0
     )  # on its right, and on its way to the left
@@ -287,7 +280,6 @@ def test_agents_and_physics_see_the_same_freer_side(ranges, reach):
 
 
 def test_a_steering_walker_is_asked_only_when_that_changes():
-    """A walker that steers past something is asked only when that changes."""
     stage = Stage(empty_orchard(people=People(workers=1, visitors=1)))
     stage.put("worker_01", 0.0, -30.0, "EAST"), stage.put("visitor_01", 3.9, -30.3)
     stage.local.agents["visitor_01"] = Holder()
@@ -322,7 +314,6 @@ class HoldingVisitor(Person):
 
 
 def test_a_derived_class_is_asked_unless_it_says_it_holds():
-    """A class derived from a built-in one is asked at every tick unless it says that it holds."""
 
     def asked(class_, name):
         local = Local(SMALL)
@@ -365,7 +356,6 @@ class Impatient:
 
 
 def test_a_wrong_hold_is_named_with_its_difference(caplog):
-    """A wrong hold is named with its agent tick and difference."""
     with caplog.at_level(logging.ERROR):
         local = played(Local(SMALL, holds=CheckedHolds), 12, worker_01=Impatient())
     assert caplog.text.count("holds wrongly") == 1

@@ -30,7 +30,6 @@ def test_ten_ticks_at_1_m_per_s_are_1_m():
 
 
 def test_40_ticks_of_an_eighth_turn_a_second_are_90_degrees():
-    """Forty ticks of an eighth turn per second are exactly 90 degrees."""
     turned = yard(("picker", Pose(0, 0, EAST)))
     turned.drive(40, picker_01=TURN_LEFT)
     assert turned.pose("picker_01") == pytest.approx((0.0, 0.0, NORTH), abs=1e-14)
@@ -87,7 +86,6 @@ def test_a_bin_is_not_faster_askew_than_straight_on():
 
 
 def test_only_a_coupled_bin_moves_sideways():
-    """Only a coupled bin moves sideways and one by itself not at all."""
     side = picker_with_bin()
     side.drive(1, picker_01=Twist(y=1.0), bin_02=Twist(y=1.0))
     assert side.pose("picker_01").y == LANE
@@ -206,7 +204,6 @@ def test_a_robot_cannot_leave_its_bin_behind():
 
 
 def test_a_touching_robot_may_only_turn_away():
-    """A robot that touches something may turn away from it but not towards it."""
     boxes = [sense._Part(Pose(0.0, 0.0, 0.0), 0.9, 0.75)]
     touched = np.array([[0.8, 0.76]])  # on its left, near its front
     assert not sense._swept(touched, boxes, -0.3)

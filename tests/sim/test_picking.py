@@ -80,7 +80,6 @@ def test_nothing_is_picked(case):
 
 
 def test_a_second_bin_goes_on_where_the_first_ended():
-    """A second bin goes on where the first one ended and not beyond a gap."""
     row = picker_with_bin(x=-20.0)
     row.world.row_ends[0, 0] = 10.0  # picked up to x = -25.5
     row.drive(10, **train(x=1.0))
@@ -92,7 +91,7 @@ def test_a_second_bin_goes_on_where_the_first_ended():
 
 
 def test_a_part_inside_a_row_is_picked_up_to_the_edge():
-    """A part inside a row is picked up to the edge where the picker drives out."""
+    """The edge is where the picker drives out of the row."""
     row = picker_with_bin(x=-36.0, picking_speed=0.5)
     row.drive(46, deeds=[("picker_01", PickFrom(-31.3))], **train(x=1.0))
     assert row.of("pose", "picker_01")[0] == pytest.approx(-31.4) and not row.world.row_ends.any()
@@ -118,7 +117,6 @@ def test_a_bin_takes_70_m_and_the_row_keeps_the_rest():
 
 
 def test_a_picker_picks_at_one_speed_and_drives_at_another():
-    """A picker picks at the picking speed and drives on at its own."""
     row = picker_with_bin(picking_speed=0.25)
     row.drive(10, **train(x=0.25))
     row.drive(1, picker_01=AHEAD)
@@ -196,7 +194,6 @@ def test_the_bay_is_the_bins_place():
 
 
 def test_a_bin_not_full_or_not_on_a_carrier_stays_loaded():
-    """A bin that is not full or not on a carrier is not unloaded."""
     bay = carriers_in_bay(BAY_X)
     bay.world.fill[1] = 69.9
     bay.drive(60)
@@ -230,7 +227,6 @@ def finished() -> Yard:
 
 
 def test_the_harvest_is_over_when_all_is_unloaded_and_back():
-    """The harvest is over when all is picked unloaded and back."""
     assert harvest_is_over(finished().world)
 
 

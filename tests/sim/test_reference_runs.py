@@ -11,7 +11,6 @@ KEPT = json.loads(RESULTS.read_text())
 
 
 def test_each_reference_run_has_a_kept_result() -> None:
-    """Each reference run has a kept result and no result is left over."""
     assert list(KEPT) == list(RUNS)
 
 

@@ -18,7 +18,6 @@ from orchard.sim.world import World
 
 
 def test_the_same_seed_gives_the_same_run():
-    """The same seed gives the same run and another seed another."""
     hashes = [local_hash(Scenario(rows=3, seed=seed), 300) for seed in (1, 1, 2, 3, 4, 5)]
     assert hashes[0] == hashes[1]
     assert len(set(hashes)) == 5

@@ -66,7 +66,6 @@ def test_every_beam_is_exact_anywhere(bodies):
 
 
 def test_the_start_is_seen_as_the_raycaster_sees_it():
-    """The orchard at its start is seen as the raycaster sees it."""
     assert_agrees_with_raycaster(World(lay_out(Scenario(rows=6, pickers=3, carriers=14))))
 
 
@@ -115,7 +114,6 @@ def test_a_flattened_weed_sees_nothing():
 
 
 def test_a_laser_that_touches_a_box_measures_0():
-    """A laser that touches a box measures 0 and inside one the way out."""
     touching = world_of(("worker", Pose(0, 0, 0)), walls=[(0.275 + 1.0, 0, 1.0, 1.0)])
     assert scan_of(touching)[AHEAD] == 0.0
     inside = world_of(("worker", Pose(0, 0, 0)), walls=[(0.275, 0, 1.0, 2.0)])
@@ -150,7 +148,6 @@ def test_noise_follows_from_seed_name_and_tick():
 
 
 def test_noise_has_the_set_deviation_and_no_bias():
-    """Noise has the deviation that the scenario sets and no bias."""
     clean = noisy(noise=0.0)[0]
     sure = clean < 9.0  # not cut off at the range
     errors = np.concatenate([noisy(tick=tick)[0][sure] - clean[sure] for tick in range(40)])
@@ -173,7 +170,6 @@ def test_noise_stays_within_the_range():
 
 
 def test_a_range_beyond_ten_metres_is_no_return():
-    """A range that noise pushes beyond ten metres is no return."""
     scans = [
         scan_of(
             world_of(

@@ -69,7 +69,6 @@ def over_seeds(*ticks: int, **changes: float) -> np.ndarray:
 @given(st.integers(0, 2**31), st.floats(1.0, 86400.0))
 @settings(max_examples=3)
 def test_sensors_without_errors_measure_the_truth(seed, bias_time):
-    """Sensors without errors measure the truth to the last bit."""
     plain = empty_orchard(seed=seed)
     exact = played(with_changes(plain, **{"sensors.gnss.bias_time": bias_time}), 60)
     assert exact.engine.hash == local_hash(plain, 60)
@@ -82,10 +81,7 @@ def test_sensors_without_errors_measure_the_truth(seed, bias_time):
 
 @pytest.mark.parametrize(("white", "bias"), [(0.02, 0.0), (0.0, 0.03), (0.01, 0.02)])
 def test_errors_of_positions_have_the_set_deviation(white, bias):
-    """Errors of positions have the deviation that the scenario sets.
-
-    480 independent numbers of one tick: their deviation is right to some 3 %.
-    """
+    """The 480 errors of one tick are independent, so their deviation is right to some 3 %."""
     found = over_seeds(0, **{"sensors.gnss.white": white, "sensors.gnss.bias": bias})
     wanted = math.hypot(white, bias)
     assert found.std() == pytest.approx(wanted, rel=0.1)
@@ -187,7 +183,6 @@ def test_odometry_has_the_deviation_that_the_scenario_sets():
 
 
 def test_errors_are_the_same_without_holds_and_after_a_resume(caplog):
-    """The same errors with holds without them and after a resume."""
     scenario = with_changes(Scenario(rows=3), **RTK, **DRIFT)
     wanted = local_hash(scenario, 200)
     before = played(Local(scenario, holds=IgnoredHolds), 133)
@@ -197,10 +192,7 @@ def test_errors_are_the_same_without_holds_and_after_a_resume(caplog):
 
 
 def test_the_wire_has_the_measured_pose_and_the_truth():
-    """On the wire pose is what is measured and truth what is so.
-
-    The same run in processes of its own, as `Local` has it; the picture is of the truth.
-    """
+    """Processes send what `Local` has; the picture shows the truth."""
     scenario = with_changes(Scenario(rows=3), **RTK, **DRIFT)
     local = played(scenario, 30)
     run = Run(scenario, "run1", 31)
@@ -232,7 +224,6 @@ def test_the_wire_has_the_measured_pose_and_the_truth():
 
 
 def test_a_driving_robot_filters_errors_by_odometry():
-    """A robot that drives filters white errors and follows its odometry."""
     chance = np.random.default_rng(1)
     place = None
     found = []
@@ -267,7 +258,6 @@ def finishes(scenario: Scenario) -> None:
 
 
 def test_our_agents_finish_a_harvest_with_rtk():
-    """Our agents finish a harvest with the RTK of the documents."""
     finishes(with_changes(parse(block("docs/reference.md", "rtk")), route="two-way"))
 
 
@@ -311,12 +301,10 @@ def test_errors_that_robots_cannot_master_are_refused(what, most):
     [("one-way", "predictive"), ("two-way", "nearest"), ("one-way", "longest-waiting")],
 )
 def test_our_agents_finish_with_rtk_on_each_route(route, dispatch, seed):
-    """Our agents finish harvests with RTK on each route with many policies and seeds."""
     finishes(with_changes(Scenario(route=route, dispatch=dispatch, seed=seed), **RTK, **DRIFT))
 
 
 def test_a_picker_short_of_the_end_drives_on_until_full():
-    """A picker that stops short of the end of a row drives on until its bin is full."""
     stage = Stage(with_changes(erring(**RTK), dispatch="nearest"))
     stage.put("picker_01", 33.0, 10.75)
     stage.world.row_ends[0, 0] = 68.5
@@ -342,7 +330,6 @@ def test_a_robot_searches_for_a_coupling_point_that_it_misses(x, y):
 
 
 def test_a_robot_that_has_tried_all_places_begins_again():
-    """A robot that has tried all places tries the first one again."""
     stage = Stage(erring(**{"sensors.gnss.white": 0.005}))
     name = stage.bin_of("carrier_01")
     stage.world.coupled[[stage.world.index["carrier_01"], stage.world.index[name]]] = NONE

@@ -51,7 +51,6 @@ def assert_usable_or_refused(path: Path, data: bytes) -> None:
 @settings(max_examples=4)
 @given(st.lists(st.integers(0, HARVEST_TICKS), min_size=1, max_size=4))
 def test_a_run_resumed_at_any_ticks_has_the_same_hash(ticks):
-    """A run resumed at any ticks has the hash of one never interrupted."""
     local = Local(Scenario(rows=3))
     for tick in sorted(ticks):
         local = Local.resume(unpack(pack(played(local, tick).snapshot()), Snapshot))
@@ -104,7 +103,6 @@ def test_the_newest_two_are_kept_and_the_newest_is_read(written):
 
 
 def test_the_first_snapshot_of_another_run_takes_over(written):
-    """The first snapshot of another run takes the place of one of the same tick."""
     other = local_at(12).snapshot()
     other.run = "other"
     store(*as_file(other), written, "other")
@@ -124,7 +122,6 @@ def test_files_of_a_user_beside_snapshots_stay(written):
 
 
 def test_snapshots_of_another_run_are_passed_over_and_named(tmp_path):
-    """Snapshots of another run are passed over and named even if they are most and newest."""
     own = local_at(10).snapshot()
     other = local_at(12).snapshot()
     own.run = "own"
@@ -153,7 +150,6 @@ DAMAGES = [
 
 @pytest.mark.parametrize(("damage", "why"), DAMAGES)
 def test_a_bad_snapshot_is_refused_for_the_one_before(written, damage, why):
-    """A bad snapshot is refused by name and the one before it is used."""
     last = files(written)[-1]
     last.write_bytes(damage(last.read_bytes()))
     refused: list[str] = []
@@ -190,7 +186,6 @@ def good(tmp_path_factory) -> bytes:
 
 @given(junk=st.binary(max_size=200), at=st.integers(0, 10**6))
 def test_any_bytes_are_a_snapshot_or_refused(tmp_path_factory, good, junk, at):
-    """Whatever bytes are in a file it is a snapshot or refused."""
     at %= len(good)
     assert_usable_or_refused(
         tmp_path_factory.getbasetemp() / "junk.snapshot", good[:at] + junk + good[at + len(junk) :]
@@ -199,7 +194,6 @@ def test_any_bytes_are_a_snapshot_or_refused(tmp_path_factory, good, junk, at):
 
 @given(junk=st.binary(max_size=20), at=st.integers(0, 10**6))
 def test_a_false_payload_with_a_right_checksum_is_survived(tmp_path_factory, good, junk, at):
-    """A false payload with a right checksum is a snapshot or refused."""
     payload = good.split(b"\n", 2)[2]
     at %= len(payload)
     payload = payload[:at] + junk + payload[at + len(junk) :]
@@ -319,10 +313,7 @@ SAID_OF = [
 
 @pytest.mark.parametrize(("lie", "why"), SAID_OF)
 def test_physics_refuses_a_lying_snapshot_for_the_one_before(tmp_path, snapshot, lie, why, caplog):
-    """Physics refuses a snapshot that lies and takes the one before.
-
-    Its checksum is right.
-    """
+    """The checksum of the wrong snapshot is right, so only its content tells."""
     filed(tmp_path / "tick-000000012.snapshot", snapshot)
     newer = filed(tmp_path / "tick-000000015.snapshot", FALSE[lie](snapshot))
     found = last(tmp_path)
@@ -335,7 +326,6 @@ def test_physics_refuses_a_lying_snapshot_for_the_one_before(tmp_path, snapshot,
 
 @pytest.mark.parametrize("lie", ["nobody remembers", "nobody owned"])
 def test_who_is_not_there_is_refused_before_any_agent_is_made(tmp_path, snapshot, lie):
-    """Physics, which has no agents, refuses it."""
     with pytest.raises(SnapshotError, match="nobody: there is no such agent"):
         world_from(read(filed(tmp_path / "lie.snapshot", FALSE[lie](snapshot))))
 

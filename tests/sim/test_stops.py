@@ -43,7 +43,6 @@ def driven() -> Stage:
     [("picker_01", "picker_01"), ("picker_01", "bin_01"), ("bin_01", "picker_01")],
 )
 def test_a_robot_and_its_bin_stand_until_they_are_reset(driven, stopped, reset):
-    """A robot and its bin stand though their agents drive until they are reset."""
     assert sorted(driven.local.engine.stop([stopped])) == ["bin_01", "picker_01"]
     where = driven.pose("picker_01"), driven.pose("bin_01")
     driven.run(5.0)
@@ -56,7 +55,6 @@ def test_a_robot_and_its_bin_stand_until_they_are_reset(driven, stopped, reset):
 
 
 def test_a_reset_robot_goes_on_and_never_back():
-    """A robot that is reset after any time goes on and never back."""
     stage = Stage(empty_orchard())
     stage.run(5.0)
     for ticks in range(5, 45, 3):
@@ -87,7 +85,6 @@ def test_all_robots_stand_and_people_and_animals_walk_on():
 
 @pytest.mark.parametrize("word", ["picker_99", "worker", "worker_01", "traffic", ""])
 def test_a_word_that_means_no_robot_stops_nobody(driven, word):
-    """A word that means no robot is refused and nobody is stopped."""
     with pytest.raises(ValueError, match="no such agent or kind; there are bin, carrier, picker"):
         driven.local.engine.stop(["picker_01", word])
     assert not driven.world.stopped.any()
@@ -153,7 +150,6 @@ def test_what_people_are_told_and_the_figures(driven):
 
 
 def test_a_robot_without_an_action_stands_after_a_reset():
-    """A robot without an action is shown to stand after a reset."""
     engine = Engine.begin(empty_orchard())
     camera = FrameBuilder(engine)
 
@@ -191,7 +187,6 @@ def test_a_run_that_goes_on_from_a_snapshot_is_still_stopped():
 
 
 def test_a_stop_reset_before_the_next_step_changes_nothing():
-    """A stop that is reset before the next step changes nothing."""
     local = Local(Scenario(rows=3))
     for tick in range(HARVEST_TICKS):
         if tick % 100 == 7:
@@ -233,7 +228,6 @@ def test_a_foreign_clients_velocity_moves_no_stopped_robot(fleet):
 
 
 def test_what_is_refused_is_answered_and_stops_nobody(fleet):
-    """What is refused is answered with the reason and stops nobody."""
     fleet.physics(SMALL, "--absent", "picker_01")
     someone = fleet.client()
     assert (
@@ -304,7 +298,6 @@ def test_a_stop_that_was_taken_outlives_physics_killed_at_once(fleet, tmp_path):
 
 
 def test_on_a_slow_disk_a_stop_is_answered_while_written(fleet, tmp_path):
-    """On a slow disk a stop is answered while it is written and what is kept outlives physics."""
     keep = kept_in(tmp_path)
     fleet.all.disk_seconds = 20.0
     fleet.physics(SMALL, *keep)

@@ -65,7 +65,6 @@ def told(file: Path, crs: str | None = None) -> str:
 def test_any_legal_survey_is_laid_out_without_overlaps(
     file: Path, drawn: list[Row], yaw: float, data
 ):
-    """Any survey within the limits is imported and laid out without overlaps."""
     order = data.draw(st.permutations(list(lines_of(drawn).items())))
     scenario = import_rows(write_geojson(file, dict(order), yaw))
     layout = lay_out(scenario)
@@ -117,7 +116,6 @@ def test_the_same_rows_come_from_any_coordinate_system(crs: str, file: Path):
 
 
 def test_rows_from_south_to_north_turn_by_the_smaller_angle(file: Path):
-    """Rows from south to north are turned by the smaller angle."""
     scenario = import_rows(write_geojson(file, lines_of(UNEQUAL), math.radians(80.0)))
     assert scenario.survey.origin.yaw == pytest.approx(math.radians(80.0), abs=1e-6)
     back = import_rows(write_geojson(file, lines_of(UNEQUAL), math.radians(100.0))).survey
@@ -127,11 +125,7 @@ def test_rows_from_south_to_north_turn_by_the_smaller_angle(file: Path):
 
 @pytest.mark.parametrize("crs", ["EPSG:5513", "EPSG:2053"])
 def test_a_system_that_counts_south_mirrors_no_rows(crs: str, file: Path):
-    """A system that counts to the south does not mirror or turn the rows.
-
-    EPSG:5513 counts to the south and the west, in this order, and 2053 to the west and the
-    south.
-    """
+    """EPSG:5513 counts to the south and then the west, EPSG:2053 to the west and then the south."""
     utm = {"EPSG:5513": "EPSG:32633", "EPSG:2053": "EPSG:32735"}[crs]
     there = {
         "EPSG:5513": complex(500_000.0, 5_538_000.0),

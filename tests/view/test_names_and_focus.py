@@ -71,10 +71,7 @@ def test_a_name_stands_below_its_pin_and_stays_there(layout: Layout, tmp_path: P
     ("robot", "glides"), [("picker_02", True), ("carrier_01", False)], ids=["near", "far"]
 )
 def test_the_camera_glides_near_and_cuts_far(robot, glides, layout) -> None:
-    """The camera glides to an exchange or cuts to one that is far.
-
-    It stays with a robot for a while first.
-    """
+    """The camera stays with a robot for a while before it goes on."""
     focus = Focus(layout)
     poses = starts(layout)
     states = {"picker_01": "picking", "picker_02": "waiting", "carrier_01": "waiting"}
@@ -107,7 +104,6 @@ def test_the_camera_is_near_a_robot_at_any_time(layout: Layout, recording: Path)
 
 @pytest.mark.parametrize("rows", [5, 20])
 def test_a_page_gets_spaces_and_the_plan_alone_work_first(rows: int) -> None:
-    """A page gets the spaces and the plan alone the work first."""
     spaces, plan = for_page(lay_out(Scenario(rows=rows))).root_container.contents
     assert (spaces.contents[0].name, plan.name) == ("At work", "Plan")
 
@@ -125,7 +121,6 @@ def test_events_read_like_sentences() -> None:
 
 
 def test_many_questions_and_answers_are_one_line_each() -> None:
-    """What is asked of many and answered by many is one line each."""
     carriers = [f"carrier_{i:02d}" for i in range(1, 6)]
     calls = [Event(0, "Call", "bin_01", carrier, "who is free? row 1") for carrier in carriers]
     offers = [
@@ -187,7 +182,6 @@ def vertices(name: str) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_model_of_a_body_fills_its_size_in_its_colour(kind):
-    """The model of a body fills its size and no more and has its colour."""
     (places, colours) = vertices(kind)
     size = KINDS[kind]
     assert places.min(axis=0) == pytest.approx([-size.length / 2, -size.width / 2, 0.0], abs=1e-4)

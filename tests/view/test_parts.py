@@ -121,7 +121,6 @@ def test_a_further_part_shows_what_has_gone_in_the_gap(tmp_path):
 
 
 def test_a_recorder_behind_records_the_same_in_fewer_pieces(tmp_path):
-    """A recorder for which frames wait records the same in fewer pieces."""
     frames_ = course(range(701))
     apart = recording_of(tmp_path / "apart.rrd", LAYOUT, frames_)
     together = tmp_path / "together.rrd"

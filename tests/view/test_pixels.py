@@ -158,7 +158,6 @@ def pixels(browser, colour: tuple[int, int, int]) -> int:
 
 
 def test_a_recording_opens_at_its_beginning_with_robots(address: str, tmp_path: Path) -> None:
-    """A recording opens whole at its beginning with robots in view."""
     with chromium_with(tmp_path / "profile", tmp_path, SOFTWARE) as browser:
         browser.driver.set_window_size(900, 700)
         browser.driver.get(address)

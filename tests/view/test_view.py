@@ -99,7 +99,6 @@ def test_every_body_has_a_shape_in_a_frame_of_its_own(layout: Layout, recording:
 
 
 def test_what_a_robot_does_is_its_state_and_pin_colour(recording: Path) -> None:
-    """What a robot does is its state and the colour of its pin."""
     said = [
         (t, state[0])
         for t, state in Rows(recording, "/world/pickers/picker_01").values("StateChange:state")
@@ -158,7 +157,6 @@ def test_a_row_turns_pale_as_it_is_picked_and_its_fruit_goes(recording: Path) ->
 
 
 def test_a_row_picked_from_inside_turns_pale_there(layout: Layout, tmp_path: Path) -> None:
-    """A row that is picked from the east and inside turns pale there."""
     picked = np.array(
         [[0.0, 10.0, 30.0, 45.0], [0.0] * 4, [0.0] * 4]
     )  # 10 m from the east end, and 25 to 30 m from the west end
@@ -273,7 +271,6 @@ def test_surveyed_rows_and_their_trees_are_drawn_where_they_are(
 
 
 def test_charging_lines_have_a_colour_of_their_own() -> None:
-    """Lines in which carriers charge have a colour of their own."""
     layout = lay_out(
         Scenario(
             carriers=20, carrying={"battery": {"hours": 8.0, "hours_to_charge": 1.0}}, chargers=2
@@ -349,7 +346,6 @@ def test_without_batteries_no_charge_is_recorded(recording: Path) -> None:
 
 
 def test_the_legend_names_states_lasers_flags_and_queue(recording: Path) -> None:
-    """The legend names every state each laser flags and the queue."""
     look = Rows(recording, "/legend").static
     shown = dict(zip(look["Points2D:labels"], look["Points2D:colors"], strict=True))
     for word, (r, g, b) in {**STATES, **SCANS, "full bin": YELLOW, "bay, queue": PAINT}.items():

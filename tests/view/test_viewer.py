@@ -54,7 +54,6 @@ def test_without_the_variable_it_is_the_one_of_the_package(monkeypatch):
 
 
 def test_a_recording_is_packed_by_the_program_of_the_variable(stand_in, tmp_path):
-    """A recording is packed by the one that the variable names."""
     recording = tmp_path / "run.rrd"
     recording.write_text("loose")
     optimize(recording)
@@ -134,7 +133,6 @@ def test_a_variable_that_names_no_program_is_told_at_once(monkeypatch, tmp_path,
     ids=["view", "a run"],
 )
 def test_without_a_screen_a_browser_is_offered_at_once(stand_in, monkeypatch, tmp_path, words):
-    """Without a screen it says so at once and offers a browser."""
     monkeypatch.delenv("DISPLAY")
     recording = tmp_path / "run.rrd"
     recording.write_bytes(HEAD)
@@ -190,7 +188,6 @@ def test_a_recording_is_served_over_ssh_too(stand_in, monkeypatch, tmp_path):
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
 @pytest.mark.parametrize("how", ["--view", "--web"])
 def test_a_viewer_that_dies_is_named_with_its_exit_code(stand_in, mode, how):
-    """A viewer that dies during a run is named with its exit code."""
     stand_in.write_text(f"#!{sys.executable}\nraise SystemExit(3)\n")
     port = [free_pair()] if how == "--web" else []
     done = orchard(

@@ -25,10 +25,7 @@ REFERENCE = messages()
 
 
 def test_keyspace_fits_into_sixteen_kilobytes():
-    """Keyspace fits into sixteen kilobytes with a client of fifty statements.
-
-    tests/contract/test_own_agent.py runs the client.
-    """
+    """tests/contract/test_own_agent.py runs the client of keyspace.md."""
     client = CLIENT.read_text()
     statements = [node for node in ast.walk(ast.parse(client)) if isinstance(node, ast.stmt)]
     assert len(keyspace().encode()) <= 16_384
@@ -96,7 +93,6 @@ def maps_in(type_):
 
 @pytest.mark.parametrize("type_", EXAMPLES, ids=lambda type_: type_.__name__)
 def test_every_map_in_a_message_refuses_unknown_fields(type_):
-    """Every map in a message refuses unknown fields as keyspace says."""
     assert [
         part.cls for part in maps_in(inspect.type_info(type_)) if not part.forbid_unknown_fields
     ] == []
@@ -111,7 +107,6 @@ def described(name):
 
 @pytest.mark.parametrize("type_", EXAMPLES, ids=lambda type_: type_.__name__)
 def test_each_map_in_a_message_is_described_once(type_):
-    """Each map in a message is described once with all its fields."""
     for part in maps_in(inspect.type_info(type_)):
         if part.cls not in MEMBERS:
             text = described(part.cls.__name__)

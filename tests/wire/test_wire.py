@@ -149,7 +149,6 @@ def test_arrays_that_do_not_fit_are_refused(change):
 
 
 def test_a_beam_too_many_does_not_make_up_for_one_too_few():
-    """A beam too many of the one does not make up for one too few of the other."""
     behind = {
         "picker_01": wire.OtherSeen("bin_01", (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), bytes(4 * 61))
     }
@@ -264,7 +263,6 @@ def test_what_is_too_big_is_not_even_read():
 
 
 def test_a_session_gets_the_memories_of_all_its_agents():
-    """A session gets the memories of all its agents however many there are."""
     joined = wire.Joined(RUN, 3, {f"bin_{i:03d}": bytes(LARGEST_MEMORY) for i in range(500)}, {})
     assert read_message(pack(joined), wire.Joined, RUN) == joined
 

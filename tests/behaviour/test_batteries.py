@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from fleet import until
+from fleet import wait_for
 from local_runs import local_hash, played
 from stage import Stage, empty_orchard
 
@@ -166,7 +166,7 @@ def test_kills_during_a_charge_leave_the_hash_of_local_mode(fleet, tmp_path):
     )
     fleet.physics(charging(), *run)
     fleet.share(2)
-    until(
+    wait_for(
         fleet.client().hear("orchard/clock"),
         lambda message: message["tick"] >= while_charging().tick,
     )

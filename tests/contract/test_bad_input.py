@@ -5,7 +5,7 @@ the last bit.
 import random
 
 import pytest
-from fleet import until
+from fleet import wait_for
 from local_runs import SMALL, TICKS, TOY
 
 from orchard.wire.keys import TABLE
@@ -35,11 +35,11 @@ def running(fleet, tmp_path):
     ends = someone.hear("orchard/end")
     clock = someone.hear("orchard/clock")
     fleet.share(2, TOY)
-    until(clock, lambda message: True)
+    wait_for(clock, lambda message: True)
 
     def summary():
         # Among the ends are nonsense bytes, too.
-        end = until(ends, lambda end: isinstance(end, dict) and end.get("run") == fleet.run)
+        end = wait_for(ends, lambda end: isinstance(end, dict) and end.get("run") == fleet.run)
         return end["summary"]
 
     return someone, summary, logger

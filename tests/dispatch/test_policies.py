@@ -175,7 +175,7 @@ def test_an_early_policy_sends_only_for_what_is_due(name, first):
 
 
 def test_predictive_serves_a_near_bin_beside_a_busy_far_one():
-    """ "The farthest full bin first" would leave the near one out for ever."""
+    """If the farthest full bin always came first, the near one would be left out for ever."""
     made = policy("predictive")
     memory = made.Memory()
     now = 1000

@@ -126,9 +126,7 @@ def test_the_reference_of_the_library_reads_in_a_clone():
 
 
 def test_the_library_reference_says_arguments_and_errors():
-    """What the source says of a class's arguments stands in the reference, with the quotes of
-    texts.
-    """
+    """What the source says of arguments stands in the reference, with the quotes of texts."""
     text = (ROOT / "docs" / "api.md").read_text()
     sections = {section.split("(")[0].strip("`"): section for section in text.split("\n### ")}
     assert "`check_agents`: check that" in sections["orchard.Local"]

@@ -14,7 +14,7 @@ from typing import Any
 
 import psutil
 import pytest
-from fleet import until
+from fleet import wait_for
 from patience import PATIENCE
 from recorded_messages import Clock
 from rich.console import Console
@@ -122,7 +122,7 @@ def test_output_that_is_no_text_is_passed_on_and_blocks_nobody(tmp_path, monkeyp
     with Supervisor(said.put) as fleet:
         fleet.start(ProcessSpec("child", "shouting", []))
         assert said.get(timeout=PATIENCE) == r"child: \xff"
-        until(said, lambda line: line == "child: over", 20.0)
+        wait_for(said, lambda line: line == "child: over", 20.0)
         fleet.wait(PATIENCE)
         assert fleet.exit_code("child") == 0
 

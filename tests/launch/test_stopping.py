@@ -12,7 +12,7 @@ import pytest
 import typer
 from code_blocks import block, commands
 from command_line import orchard, running, summary_of
-from fleet import Client, assert_goes_on, assert_stands, until
+from fleet import Client, assert_goes_on, assert_stands, wait_for
 from patience import PATIENCE
 
 from orchard.commands import asking
@@ -56,7 +56,7 @@ def test_the_command_line_stops_a_robot_of_a_run_here(tmp_path, runs, mode):
         done = orchard("stop", "picker_01")
         assert done.stdout == "stopped: bin_01, picker_01\n"
         stands = assert_stands(poses)
-        until(
+        wait_for(
             velocities,
             lambda velocity: velocity["tick"] > stands["tick"] and velocity["linear"]["x"] > 0.0,
         )

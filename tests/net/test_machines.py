@@ -10,7 +10,7 @@ import subprocess
 import pytest
 from code_blocks import block, commands
 from command_line import line_with, orchard, starting, summary_of
-from fleet import ROOT, until
+from fleet import ROOT, wait_for
 from local_runs import ALONE, SMALL, TICKS, TOY, local_hash, played
 from machines import harm, harms, machines, needs_machines, run_both, slowed, unplugged, within
 from patience import PATIENCE
@@ -60,9 +60,9 @@ def test_links_that_are_down_for_five_seconds_change_nothing(fleet, undisturbed)
             fleet.host("--share", f"{n}/3", agents=TOY, endpoint=MIDDLE[n], before=within(guest))
         clock = fleet.hear("orchard/clock", f"tcp/127.0.0.1:{PORT}", before=within(middle))
         for tick, guest in ((20, 2), (60, 1)):
-            until(clock, lambda message, tick=tick: message["tick"] >= tick)
+            wait_for(clock, lambda message, tick=tick: message["tick"] >= tick)
             with unplugged(middle, guest), pytest.raises(queue.Empty):
-                until(
+                wait_for(
                     clock, lambda message, tick=tick: message["tick"] >= tick + 10 * DOWN, DOWN
                 )  # five times as many would have come
         assert fleet.end() == undisturbed

@@ -16,7 +16,7 @@ import numpy as np
 import psutil
 import pytest
 from command_line import orchard, running, summary_of
-from fleet import Process, until
+from fleet import Process, wait_for
 from local_runs import local_hash
 from patience import PATIENCE
 from recorded_messages import KEYS, Net, Run, StandIn
@@ -45,10 +45,10 @@ def test_physics_sends_a_whole_picture_when_a_logger_comes(fleet):
     someone = fleet.client()
     pictures = someone.hear(someone.keys.of("picture"))
     fleet.share(2)
-    before_ = until(pictures, lambda told: told["tick"] % 50 == 5)
+    before_ = wait_for(pictures, lambda told: told["tick"] % 50 == 5)
     assert before_["alive"] is None
     token = someone.declare(someone.keys.of("alive", "logger", "me"))
-    whole = until(pictures, lambda told: told["alive"] is not None)
+    whole = wait_for(pictures, lambda told: told["alive"] is not None)
     assert whole["tick"] % 50 != 0
     assert None not in (whole["coupled"], whole["fill"], whole["row_ends"])
     assert {"picker_01", "carrier_01"} <= whole["doing"].keys()
@@ -114,8 +114,9 @@ def test_a_logger_begins_with_a_whole_picture():
 
 
 def test_a_logger_records_however_slowly_it_opened(monkeypatch):
-    """While the recording opens, messages that physics is alive wait in the inbox. They count when
-    they are read, though they came long before.
+    """Messages that physics is alive wait in the inbox while the recording opens.
+
+    They count when they are read, though they came long before.
     """
     now = [0.0]
     bus = StandIn(Net(), "logger")
@@ -144,9 +145,7 @@ def test_a_logger_that_gives_up_says_so(monkeypatch, caplog):
 
 
 def test_changes_of_all_pictures_together_are_a_whole_one():
-    """This holds while robots are stopped, reset and in each other's way, and after a tick without
-    a picture.
-    """
+    """Robots are stopped, reset and in each other's way, and after a tick there is no picture."""
     local = Local(Scenario(rows=10, pickers=10, seed=4))
     said = dict[str, str]()
     builder = FrameBuilder(local.engine)
@@ -360,7 +359,7 @@ def test_refusals_pauses_and_steps_are_events_at_their_ticks(fleet):
     client = fleet.client()
     keys = client.keys
     pictures = client.hear(keys.of("picture"))
-    until(pictures, lambda told: told["tick"] >= 55)
+    wait_for(pictures, lambda told: told["tick"] >= 55)
     client.put(keys.of("velocity", "nobody_01"), tick=1, linear={"x": 0.1}, angular={"z": 0.0})
     paused = client.ask(keys.of("set_simulation_state"), client._of_run(state="paused"))[0]["tick"]
     stepped = client.ask(keys.of("step_simulation"), client._of_run(steps=3))[0]["tick"]

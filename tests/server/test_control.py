@@ -6,7 +6,7 @@ import calling_agents
 import msgpack
 import pyarrow.parquet as pq
 import pytest
-from fleet import until
+from fleet import wait_for
 from local_runs import SMALL, TICKS, TOY
 from patience import PATIENCE
 from recorded_messages import KEYS, RUN, Clock, Run, roster
@@ -133,7 +133,7 @@ def test_a_run_is_paused_before_it_begins_stepped_and_played(fleet, undisturbed)
     assert asked(someone, "set_simulation_state", state="paused") == (0, "paused")
     fleet.share(2, TOY)
     for _ in range(3):
-        assert until(clock, lambda message: True)["tick"] == 0, (
+        assert wait_for(clock, lambda message: True)["tick"] == 0, (
             "it stands, and is told again and again"
         )
     for n in (1, 2, 10):
@@ -166,7 +166,7 @@ def test_quitting_ends_a_run_also_while_it_is_paused(fleet, state):
     ends = someone.hear("orchard/end")
     clock = someone.hear("orchard/clock")
     fleet.share(1)
-    until(clock, lambda message: message["tick"] >= 4)
+    wait_for(clock, lambda message: message["tick"] >= 4)
     tick, now = asked(someone, "set_simulation_state", state=state)
     assert now == state
     assert asked(someone, "set_simulation_state", state="quitting")[1] == "quitting"
@@ -198,10 +198,10 @@ def test_an_agent_silent_during_a_pause_is_not_missed(fleet):
     while someone.join("traffic", "silent")["refused"]:  # its token may come later
         assert time.monotonic() < deadline
     for _ in range(4):
-        until(clock, lambda message: message["tick"] == 0)
+        wait_for(clock, lambda message: message["tick"] == 0)
     assert lost.empty()
     asked(someone, "set_simulation_state", state="playing")
-    assert until(lost, lambda message: True)["names"] == ["traffic"]
+    assert wait_for(lost, lambda message: True)["names"] == ["traffic"]
     someone.quit()
     token.undeclare()
     fleet.end()
@@ -216,8 +216,8 @@ def test_a_run_that_is_reset_begins_again(fleet, tmp_path, seed):
     fleet.share(2, TOY)
     assert asked(someone, "step_simulation", steps=20) == (20, "paused")
     assert asked(someone, "reset_simulation", seed=seed) == (20, "paused")
-    until(alive, lambda up: not up)
-    until(alive, lambda up: up)
+    wait_for(alive, lambda up: not up)
+    wait_for(alive, lambda up: up)
     (info,) = someone.ask("orchard/scenario")
     assert (info["run"], info["tick"], info["scenario"]["seed"]) == (
         fleet.run,

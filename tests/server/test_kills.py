@@ -178,8 +178,9 @@ def test_the_tables_of_a_run_that_is_killed_have_each_row_once(battered):
 
 
 def test_a_signal_to_all_stops_a_run_that_can_go_on(tmp_path, undisturbed):
-    """All processes get a signal when a machine is shut down. tests/launch/test_run.py tests
-    Ctrl-C.
+    """All processes get a signal when a machine is shut down.
+
+    tests/launch/test_run.py tests Ctrl-C.
     """
     path = tmp_path / "summary.json"
     with running(*PACE, "--speed", 5, "--record", "none", "--summary", path) as run:

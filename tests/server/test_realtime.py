@@ -7,7 +7,7 @@ import signal
 
 import msgspec
 import pytest
-from fleet import until
+from fleet import wait_for
 from local_runs import SHORT, SMALL, TOY
 from recorded_messages import RUN, Clock, heard_at, letter, roster
 from recorded_messages import ReadQuery as Query
@@ -278,15 +278,15 @@ def test_the_clock_goes_on_while_a_host_hangs(fleet):
     poses = someone.hear("orchard/worker_01/pose")
     fleet.host("--without", "worker_01", agents="calling_agents:cast")
     hung = fleet.host("--only", "worker_01", agents="calling_agents:steady")
-    until(poses, lambda pose: pose["twist"]["linear"]["x"] == 0.5)
+    wait_for(poses, lambda pose: pose["twist"]["linear"]["x"] == 0.5)
     hung.signal(signal.SIGSTOP)
     begun = fleet.scheduler.now
-    first = until(clock, lambda message: clock.empty())["tick"]
-    last = until(clock, lambda message: message["tick"] >= first + 25)["tick"]
+    first = wait_for(clock, lambda message: clock.empty())["tick"]
+    last = wait_for(clock, lambda message: message["tick"] >= first + 25)["tick"]
     assert (last - first) / 20 == pytest.approx(fleet.scheduler.now - begun, abs=0.3)
-    until(poses, lambda pose: pose["tick"] >= last - 5 and pose["twist"]["linear"]["x"] == 0.0)
+    wait_for(poses, lambda pose: pose["tick"] >= last - 5 and pose["twist"]["linear"]["x"] == 0.0)
     hung.signal(signal.SIGCONT)
-    until(poses, lambda pose: pose["tick"] > last and pose["twist"]["linear"]["x"] == 0.5)
+    wait_for(poses, lambda pose: pose["tick"] > last and pose["twist"]["linear"]["x"] == 0.5)
     fleet.stop()
 
 
@@ -295,10 +295,10 @@ def test_a_robot_whose_link_is_cut_stands_and_drives_again(fleet):
     poses = fleet.client().hear("orchard/worker_01/pose")
     fleet.host("--without", "worker_01", agents=TOY)
     fleet.host("--only", "worker_01", agents="calling_agents:steady")
-    down = until(poses, lambda pose: pose["twist"]["linear"]["x"] == 0.5)["tick"]
+    down = wait_for(poses, lambda pose: pose["twist"]["linear"]["x"] == 0.5)["tick"]
     fleet.network.cut(fleet.hosts[1].name, 5.0)
-    stands = until(poses, lambda pose: pose["twist"]["linear"]["x"] == 0.0)["tick"]
-    drives = until(poses, lambda pose: pose["twist"]["linear"]["x"] == 0.5)["tick"]
+    stands = wait_for(poses, lambda pose: pose["twist"]["linear"]["x"] == 0.0)["tick"]
+    drives = wait_for(poses, lambda pose: pose["twist"]["linear"]["x"] == 0.5)["tick"]
     assert stands <= down + 20
     assert 100 <= drives - down < 150, "the clock goes on"
     fleet.stop()

@@ -8,7 +8,7 @@ import re
 import signal
 
 import pytest
-from fleet import until
+from fleet import wait_for
 from local_runs import SMALL, TICKS, TOY, local_hash
 from recorded_messages import Net, StandIn
 from stage import empty_orchard
@@ -31,7 +31,7 @@ PACE = (
 
 
 def wait_for_tick(fleet, tick):
-    until(fleet.client().hear("orchard/clock"), lambda message: message["tick"] >= tick)
+    wait_for(fleet.client().hear("orchard/clock"), lambda message: message["tick"] >= tick)
 
 
 def end(process):
@@ -72,13 +72,13 @@ def test_a_host_that_sleeps_too_long_joins_when_it_wakes(fleet, tmp_path):
     )
     fleet.host("--without", "picker_01", agents=TOY)
     hung = fleet.host("--only", "picker_01", agents=TOY)
-    until(velocities, lambda velocity: velocity["tick"] >= 20)
+    wait_for(velocities, lambda velocity: velocity["tick"] >= 20)
     hung.signal(signal.SIGSTOP)
-    named = until(lost, lambda message: True)
+    named = wait_for(lost, lambda message: True)
     assert named["names"] == ["picker_01"]
-    until(clock, lambda message: message["tick"] >= named["tick"] + 20)
+    wait_for(clock, lambda message: message["tick"] >= named["tick"] + 20)
     hung.signal(signal.SIGCONT)
-    until(velocities, lambda velocity: velocity["tick"] > named["tick"])
+    wait_for(velocities, lambda velocity: velocity["tick"] > named["tick"])
     fleet.stop()
     assert "no answer" in fleet.world.complaints
     assert "joining again" in hung.complaints
@@ -95,13 +95,13 @@ def test_who_was_given_up_is_refused_until_it_joins(fleet):
     fleet.host("--without", "worker_01")
     token = someone.declare("orchard/alive/worker_01/me")
     assert not someone.join("worker_01")["refused"]
-    until(lost, lambda message: message["owner"] == "me")
+    wait_for(lost, lambda message: message["owner"] == "me")
     someone.drive("worker_01", 0, 0.5, owner="me")
-    until(figures, lambda message: message["messages_refused"] == {"not owned": 1})
-    until(clock, lambda message: message["tick"] >= 20)
+    wait_for(figures, lambda message: message["messages_refused"] == {"not owned": 1})
+    wait_for(clock, lambda message: message["tick"] >= 20)
     assert not someone.join("worker_01")["refused"]
     someone.drive("worker_01", 0, 0.5, owner="me")
-    until(figures, lambda message: message["messages_refused"] == {"not owned": 1, "past tick": 1})
+    wait_for(figures, lambda message: message["messages_refused"] == {"not owned": 1, "past tick": 1})
     token.undeclare()
     fleet.stop()
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import msgpack
 import pytest
-from fleet import Client, assert_goes_on, assert_stands, until
+from fleet import Client, assert_goes_on, assert_stands, wait_for
 from local_runs import HARVEST_TICKS, SMALL, harvest_hash, played
 from raycaster import world_of
 from stage import Driven, Stage, Standing, empty_orchard
@@ -209,21 +209,21 @@ def test_a_foreign_clients_velocity_moves_no_stopped_robot(fleet):
     someone = fleet.client()
     poses = someone.hear("orchard/picker_01/pose")
     fleet.host("--without", "picker_01")
-    pose = until(poses, lambda pose: True)
+    pose = wait_for(poses, lambda pose: True)
     while pose["twist"]["linear"]["x"] == 0.0:
         someone.drive("picker_01", pose["tick"], 0.5)
-        pose = until(poses, lambda pose: True)
+        pose = wait_for(poses, lambda pose: True)
     told = ask(someone, True, "picker_01")
     assert sorted(told["changed"]) == sorted(told["stopped"]) == ["bin_01", "picker_01"]
-    stands = until(poses, lambda pose: pose["tick"] == told["tick"] + 1)
+    stands = wait_for(poses, lambda pose: pose["tick"] == told["tick"] + 1)
     for _ in range(30):
         someone.drive("picker_01", stands["tick"], 0.5)
-        pose = until(poses, lambda pose: True)
+        pose = wait_for(poses, lambda pose: True)
         assert pose["pose"] == stands["pose"]
     assert ask(someone, False)["stopped"] == []
     while pose["pose"] == stands["pose"]:
         someone.drive("picker_01", pose["tick"], 0.5)
-        pose = until(poses, lambda pose: True)
+        pose = wait_for(poses, lambda pose: True)
     fleet.stop()
 
 
@@ -254,12 +254,12 @@ def test_the_latch_outlives_the_agent_and_its_host(fleet):
     velocities = someone.hear("orchard/picker_01/velocity")
     fleet.host("--without", "picker_01")
     killed = fleet.host("--only", "picker_01")
-    old = until(velocities, lambda velocity: velocity["linear"]["x"] > 0.0)["owner"]
+    old = wait_for(velocities, lambda velocity: velocity["linear"]["x"] > 0.0)["owner"]
     ask(someone, True, "picker_01")
     killed.signal(signal.SIGKILL)
     fleet.hosts.remove(killed)
     fleet.host("--only", "picker_01")
-    until(velocities, lambda velocity: velocity["owner"] != old and velocity["linear"]["x"] > 0.0)
+    wait_for(velocities, lambda velocity: velocity["owner"] != old and velocity["linear"]["x"] > 0.0)
     assert_stands(poses)
     ask(someone, False)
     assert_goes_on(poses)
@@ -285,7 +285,7 @@ def test_a_stop_that_was_taken_outlives_physics_killed_at_once(fleet, tmp_path):
     keep = kept_in(tmp_path)
     fleet.physics(SMALL, *keep)
     someone = fleet.client()
-    until(someone.hear("orchard/figures"), lambda figures: figures["tick"] > 0)
+    wait_for(someone.hear("orchard/figures"), lambda figures: figures["tick"] > 0)
     told = ask(someone, True, "picker_01")
     assert told["kept"]
     fleet.world.kill()
@@ -302,7 +302,7 @@ def test_on_a_slow_disk_a_stop_is_answered_while_written(fleet, tmp_path):
     fleet.all.disk_seconds = 20.0
     fleet.physics(SMALL, *keep)
     someone = fleet.client()
-    until(someone.hear("orchard/figures"), lambda figures: figures["tick"] > 0)
+    wait_for(someone.hear("orchard/figures"), lambda figures: figures["tick"] > 0)
     begun = fleet.scheduler.now
     told = ask(someone, True, "picker_01")
     assert fleet.scheduler.now - begun < 4.5, "sooner than the snapshot is written"
@@ -322,7 +322,7 @@ def test_a_stop_that_cannot_be_kept_is_answered_so(fleet, tmp_path):
     (tmp_path / "snapshots").write_text("a file where the folder should be")
     fleet.physics(SMALL, *kept_in(tmp_path))
     someone = fleet.client()
-    until(someone.hear("orchard/figures"), lambda figures: figures["tick"] > 0)
+    wait_for(someone.hear("orchard/figures"), lambda figures: figures["tick"] > 0)
     told = ask(someone, True, "picker_01")
     assert (sorted(told["stopped"]), told["kept"]) == (["bin_01", "picker_01"], False)
     fleet.stop()

@@ -53,15 +53,16 @@ class Process:
         """Byte by byte: of two lines at once `readline` would take both from the pipe, and the
         selector would not see the second.
         """
-        said = b""
+        received = b""
         with selectors.DefaultSelector() as selector:
             selector.register(stream, selectors.EVENT_READ)
-            while not said.endswith(b"\n"):
-                assert selector.select(PATIENCE), f"the process says nothing more than {said!r}"
-                if not (byte := os.read(stream.fileno(), 1)):
+            while not received.endswith(b"\n"):
+                assert selector.select(PATIENCE), f"the process printed only {received!r}"
+                byte = os.read(stream.fileno(), 1)
+                if not byte:
                     break
-                said += byte
-        return said.decode()
+                received += byte
+        return received.decode()
 
     def messages(self) -> queue.Queue:
         """What it prints from now on, as they come: a map in a line each.
@@ -103,9 +104,9 @@ class Fleet:
         path.write_text(to_yaml(scenario))
         self.world = self.start("orchard.processes.physics", str(path), *arguments, before=before)
         line = self.world.line()
-        found = re.match(r"(?:listening on|connected to) (\S+), prefix (\S+), run (\w+)", line)
-        assert found, line + self.world.end()[2]
-        self.endpoint, _, self.run = found.groups()
+        match = re.match(r"(?:listening on|connected to) (\S+), prefix (\S+), run (\w+)", line)
+        assert match, line + self.world.end()[2]
+        self.endpoint, _, self.run = match.groups()
 
     def host(
         self,
@@ -239,34 +240,38 @@ class Client(AnyClient):
                 key, payload=payload, timeout=PATIENCE, consolidation=zenoh.ConsolidationMode.NONE
             )
         )
-        return [
-            msgpack.unpackb(r.ok.payload.to_bytes()) if r.ok else r.err.payload.to_string()
-            for r in replies
-        ]
+        return [self._content_of(reply) for reply in replies]
+
+    @staticmethod
+    def _content_of(reply: zenoh.Reply) -> dict | str:
+        if reply.ok:
+            return msgpack.unpackb(reply.ok.payload.to_bytes())
+        return reply.err.payload.to_string()
 
 
-def until(heard: queue.Queue, wanted, seconds: float = PATIENCE):
-    """The first message for which something is so."""
+def wait_for(messages: queue.Queue, is_wanted, seconds: float = PATIENCE):
+    """Return the first message that is wanted. Those before it are taken out, too."""
     deadline = time.monotonic() + seconds
     while True:
-        message = heard.get(timeout=max(0.01, deadline - time.monotonic()))
-        if wanted(message):
+        message = messages.get(timeout=max(0.01, deadline - time.monotonic()))
+        if is_wanted(message):
             return message
 
 
 def assert_stands(poses, ticks: int = 20) -> dict:
-    """From now on, and whatever it did before, a robot does not move for so many ticks; its last
-    pose.
+    """Wait until a robot stands, and assert that it does not move for so many ticks.
+
+    Poses that have come before do not count. Return its last pose.
     """
     for _ in range(poses.qsize()):
         poses.get()
-    first = until(
-        poses,
-        lambda pose: (
-            not any([*pose["twist"]["linear"].values(), *pose["twist"]["angular"].values()])
-        ),
-    )
-    last = until(
+
+    def stands(pose: dict) -> bool:
+        twist = pose["twist"]
+        return not any([*twist["linear"].values(), *twist["angular"].values()])
+
+    first = wait_for(poses, stands)
+    last = wait_for(
         poses, lambda pose: pose["pose"] != first["pose"] or pose["tick"] >= first["tick"] + ticks
     )
     assert last["pose"] == first["pose"]
@@ -276,5 +281,5 @@ def assert_stands(poses, ticks: int = 20) -> dict:
 def assert_goes_on(poses) -> None:
     for _ in range(poses.qsize()):
         poses.get()
-    standing = until(poses, lambda pose: True)
-    until(poses, lambda pose: pose["pose"] != standing["pose"])
+    standing = wait_for(poses, lambda pose: True)
+    wait_for(poses, lambda pose: pose["pose"] != standing["pose"])

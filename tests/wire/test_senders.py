@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import pytest
-from fleet import until
+from fleet import wait_for
 from local_runs import SMALL
 
 from chaos.simulated.session import SimulatedBus
@@ -100,7 +100,7 @@ def test_each_key_of_a_run_stands_in_keyspace_with_its_sender(fleet, used, mode)
     fleet.start("orchard.processes.logger", "--connect", fleet.endpoint)
     fleet.host("--without", "worker_01")
     client.drive("worker_01", 0, 0.5)
-    tick = until(everything, lambda told: told.get("poses") and told["tick"] >= 30)["tick"]
+    tick = wait_for(everything, lambda told: told.get("poses") and told["tick"] >= 30)["tick"]
     client.put(keys.of("advice", "picker_01"), tick=tick, linear={"x": 0.1}, angular={"z": 0.0})
     for key in ("scenario", "layout", "simulation_state"):
         client.ask(keys.of(key))

@@ -21,10 +21,7 @@ skip_without_packages()
 
 @pytest.fixture
 def small(browser):
-    """Set up a small orchard: one process, eight times real time, to its end, no live picture.
-
-    Each value is set here, because the page keeps what the test before has entered.
-    """
+    """Return a small orchard with this policy."""
     browser.fill("rows", 3)
     browser.wait_until(lambda: browser.tree_lines() == 4, "a plan of 3 rows")
     browser.choose("mode", "local")

@@ -6,7 +6,7 @@ from functools import cache
 
 import pytest
 from local_runs import local_hash, start_afresh
-from stage import NOBODY_ABOUT, Stage, empty_orchard, meadow
+from stage import EMPTY_SCENE, Stage, empty_orchard, meadow
 
 from orchard import Local, Scenario
 from orchard.field.picking import failure
@@ -32,7 +32,7 @@ def varied(seed: int = 1, **changes) -> Scenario:
         "picking": VARIED,
         "carrying": OFTEN,
     }
-    return Scenario(**{**values, "tractor": False, **NOBODY_ABOUT, **changes})
+    return Scenario(**{**values, "tractor": False, **EMPTY_SCENE, **changes})
 
 
 @cache

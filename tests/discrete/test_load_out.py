@@ -35,6 +35,7 @@ AWAY = {"seconds_away": 100.0}
 
 
 def small(**values: Any) -> Layout:
+    """Return a small orchard with this policy."""
     return lay_out(Scenario.model_validate(SMALL | values))
 
 

@@ -30,6 +30,7 @@ SMALL: dict[str, Any] = NOBODY | {
 
 
 def small(**machines: Any) -> Layout:
+    """Return a small orchard with this policy."""
     return lay_out(Scenario.model_validate(SMALL | machines))
 
 

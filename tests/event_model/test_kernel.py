@@ -22,6 +22,7 @@ SMALL = NOBODY | {"rows": 5, "pickers": 3, "carriers": 3, "row_length": 30.0}
 
 
 def small(dispatch: str) -> Layout:
+    """Return a small orchard with this policy."""
     return lay_out(Scenario(**SMALL, dispatch=dispatch, route="two-way"))
 
 

@@ -148,7 +148,9 @@ def test_a_bare_client_is_waited_for_in_lockstep(fleet):
     places = []
     for tick in range(30):
         wait_for(clock, lambda message, tick=tick: message["tick"] == tick)
-        pose = wait_for(poses, lambda message, tick=tick: message["tick"] == tick)["pose"]["position"]
+        pose = wait_for(poses, lambda message, tick=tick: message["tick"] == tick)["pose"][
+            "position"
+        ]
         places.append((pose["x"], pose["y"]))
         client.drive("worker_01", tick, 0.5, owner="me")
     token.undeclare()

@@ -1,5 +1,8 @@
 """Robots that something has turned or moved realign, come back to their line, and go on."""
 
+from dataclasses import astuple, dataclass, field
+from typing import Any
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -15,40 +18,84 @@ from orchard.report.metrics import collisions
 ROBOTS = ("picker_01", "picker_02", "carrier_01", "carrier_02", "tractor_01")
 
 
+@dataclass
+class Advice:
+    """Advice that drives a robot at a velocity, in place of its agent, from a tick on."""
+
+    #: The tick at which it begins.
+    tick: int
+    robot: str
+    #: m/s
+    speed: float
+    #: rad/s
+    turn_rate: float
+    #: For how many ticks it drives the robot.
+    ticks: int
+
+
+@dataclass
+class AdvisedHarvest:
+    """A harvest with advice."""
+
+    #: What differs from an orchard without people and animals, by the keys of a scenario.
+    changes: dict[str, Any]
+    advice: list[Advice] = field(default_factory=list)
+
+    def run(self) -> Stage:
+        """Harvest to the end, and follow the advice on the way."""
+        stage = Stage(empty_orchard(**self.changes))
+        engine = stage.local.engine
+        for advice in self.advice:
+            while stage.world.tick < advice.tick and not engine.over:
+                stage.tick()
+            if not engine.over:
+                advise(stage, advice.robot, Twist(advice.speed, yaw=advice.turn_rate), advice.ticks)
+        stage.run_until(lambda: engine.over, MOST_SECONDS)
+        return stage
+
+
+# Simulated s within which each harvest of this file is over.
+MOST_SECONDS = 3000
+# Collisions of one piece of advice: a robot that it drives may hit something once.
+COLLISIONS_OF_ADVICE = 1
+
+
 def advise(stage: Stage, name: str, twist: Twist, ticks: int) -> None:
     """Drive a robot with this velocity in place of its agent's, as advice does."""
     engine = stage.local.engine
     for _ in range(ticks):
-        answers = stage.local.ask()
-        own = answers.get(name) or replace(engine.actions[name], requests=[], answers=[])
+        actions = stage.local.ask()
+        own = actions.get(name) or replace(engine.actions[name], requests=[], answers=[])
         engine.wake([name])
-        stage.account.update(
-            stage.local.act({**answers, name: replace(own, twist=twist, hold=None, deeds=[])})
-        )
+        advised = replace(own, twist=twist, hold=None, deeds=[])
+        events = stage.local.act({**actions, name: advised})
+        stage.account.update(events)
 
 
-def turned(**off: float) -> Stage:
-    """A carrier on open ground that drives 30 m to the east, with its pose off by so much."""
+def displaced_carrier(y: float = 0.0, yaw: float = 0.0) -> Stage:
+    """Return a carrier on open ground that drives to the east, and was moved and turned.
+
+    It has driven for 1 s from x = -35 m to -5 m, when it is moved by `y`, m, with its bin, and
+    turned by `yaw`, rad, without it.
+    """
     stage = Stage(empty_orchard())
     stage.put("carrier_01", -35.0, 29.0)
     stage.give("carrier_01", [DriveTo(x=-5.0), Wait(1.0), Face("WEST")])
     stage.run(1.0)
-    i = stage.world.index["carrier_01"]
-    for body in (i, stage.world.coupled[i]):
-        stage.world.pose[body] += (
-            0.0,
-            off.get("y", 0.0),
-            off.get("yaw", 0.0) if body == i else 0.0,
-        )
+    carrier = stage.world.index["carrier_01"]
+    bin_ = stage.world.coupled[carrier]
+    stage.world.pose[carrier] += (0.0, y, yaw)
+    stage.world.pose[bin_] += (0.0, y, 0.0)
     stage.local.engine.wake(["carrier_01"])
     return stage
 
 
 @pytest.mark.parametrize(
-    "off", [{"yaw": 0.01}, {"yaw": -0.3}, {"y": 0.3}, {"y": -0.05, "yaw": 0.2}]
+    ("y", "yaw"),
+    [(0.0, 0.01), (0.0, -0.3), (0.3, 0.0), (-0.05, 0.2)],
 )
-def test_a_robot_off_its_heading_or_line_comes_back_to_it(off):
-    stage = turned(**off)
+def test_a_robot_off_its_heading_or_line_comes_back_to_it(y, yaw):
+    stage = displaced_carrier(y, yaw)
     stage.run_until(lambda: stage.pose("carrier_01")[0] >= -10.0, 60)
     stage.assert_at("carrier_01", heading="EAST")
     assert stage.pose("carrier_01")[1] == pytest.approx(29.0, abs=0.02)
@@ -56,12 +103,15 @@ def test_a_robot_off_its_heading_or_line_comes_back_to_it(off):
 
 
 def test_a_robot_that_stands_is_back_at_its_place_before_it_acts():
-    stage = turned()
+    """Advice moves the carrier while it waits; it returns to x = -5 m before it turns around."""
+    stage = displaced_carrier()
     stage.run_until(lambda: stage.pose("carrier_01")[0] == pytest.approx(-5.0, abs=1e-6), 60)
     advise(stage, "carrier_01", Twist(x=0.5, yaw=0.2), 8)
-    stage.run_until(
-        lambda: stage.doing("carrier_01") == "" and abs(stage.pose("carrier_01")[2]) > 3.0, 60
-    )
+
+    def has_turned_around() -> bool:
+        return stage.doing("carrier_01") == "" and abs(stage.pose("carrier_01")[2]) > 3.0
+
+    stage.run_until(has_turned_around, 60)
     assert stage.pose("carrier_01")[:2] == pytest.approx((-5.0, 29.0), abs=0.03)
 
 
@@ -69,9 +119,9 @@ def test_a_robot_driven_past_a_gate_comes_back_and_waits():
     """The robot once drove on without the gate's places, and two robots waited for each other."""
     stage = Stage(empty_orchard())
     stage.put("carrier_01", -35.0, 29.0)
-    stage.give(
-        "carrier_01", [DriveTo(x=-5.0, needs=[Gate(["east/D/1"], -25.0, bin="bin_01")])]
-    )  # a bin that is never left
+    # The gate opens when bin_01 is left, which never happens here.
+    gate = Gate(["east/D/1"], -25.0, bin="bin_01")
+    stage.give("carrier_01", [DriveTo(x=-5.0, needs=[gate])])
     stage.run(12.0)
     advise(stage, "carrier_01", Twist(x=0.5), 10)
     assert stage.pose("carrier_01")[0] == pytest.approx(-24.5)
@@ -88,22 +138,24 @@ def test_a_carrier_off_its_place_comes_back_and_takes_the_bin(route, twist):
     stage = Stage(empty_orchard(route=route))
     stage.tick()
 
-    def plan() -> list[type]:
+    def next_steps() -> list[type]:
         return [type(step) for step in stage.local.memories["carrier_01"].plan[:2]]
 
-    stage.run_until(lambda: plan() == [Face, TakeBin], 600)
+    stage.run_until(lambda: next_steps() == [Face, TakeBin], 600)
     advise(stage, "carrier_01", twist, 16)
-    stage.run_until(lambda: TakeBin not in plan(), 200)
+    stage.run_until(lambda: TakeBin not in next_steps(), 200)
+    # Each of 16 ticks of advice could hit the bin: before, there were many more on the way back.
     assert collisions(stage.world) <= 4
 
 
-TWISTS = st.builds(
-    Twist,
-    x=st.just(0.0) | st.floats(-0.5, 1.0),
-    y=st.just(0.0),
-    yaw=st.floats(-EIGHTH, EIGHTH),
+ADVICE = st.builds(
+    Advice,
+    tick=st.integers(5, 2500),
+    robot=st.sampled_from(ROBOTS),
+    speed=st.just(0.0) | st.floats(-0.5, 1.0),
+    turn_rate=st.floats(-EIGHTH, EIGHTH),
+    ticks=st.integers(1, 20),
 )
-ADVICE = st.tuples(st.integers(5, 2500), st.sampled_from(ROBOTS), TWISTS, st.integers(1, 20))
 
 
 @settings(max_examples=10)
@@ -117,28 +169,12 @@ def test_a_harvest_with_robots_turned_by_advice_finishes(route, advice):
         "route": route,
         "tractor": True,
     }
-    harvest(
-        changes,
-        [(tick, name, twist.x, twist.yaw, ticks) for tick, name, twist, ticks in sorted(advice)],
-    )
+    AdvisedHarvest(changes, sorted(advice, key=astuple)).run()
 
 
-def harvest(changes: dict, advice: list[tuple[int, str, float, float, int]]) -> Stage:
-    """Harvest while each piece of advice drives a robot, from a tick on, at a speed and a rate, for
-    so many ticks.
-    """
-    stage = Stage(empty_orchard(**changes))
-    for tick, name, speed, rate, ticks in advice:
-        while stage.world.tick < tick and not stage.local.engine.over:
-            stage.tick()
-        if not stage.local.engine.over:
-            advise(stage, name, Twist(x=speed, yaw=rate), ticks)
-    stage.run_until(lambda: stage.local.engine.over, 3000)
-    return stage
-
-
-JAMMED = {  # what was wrong -> the scenario, and the advice: tick, robot, m/s, rad/s, ticks
-    "in a turn, its bin askew before the next carrier": (
+# Where a robot was when its harvest jammed, and that harvest.
+JAMMED = {
+    "in a turn, its bin askew before the next carrier": AdvisedHarvest(
         {
             "rows": 4,
             "pickers": 2,
@@ -147,9 +183,11 @@ JAMMED = {  # what was wrong -> the scenario, and the advice: tick, robot, m/s, 
             "tractor": True,
             "route": "two-way",
         },
-        (258, "carrier_01", 0.085, 0.2959803560605614, 20),
+        [
+            Advice(258, "carrier_01", 0.085, 0.2959803560605614, 20),
+        ],
     ),
-    "in a turn, 1.2 m off the next line, beside a full bin": (
+    "in a turn, 1.2 m off the next line, beside a full bin": AdvisedHarvest(
         {
             "rows": 5,
             "row_length": 50.0,
@@ -157,11 +195,13 @@ JAMMED = {  # what was wrong -> the scenario, and the advice: tick, robot, m/s, 
             "dispatch": "predictive-farthest",
             "route": "two-way",
         },
-        (1645, "picker_02", 0.949166901372354, -0.34200036362679015, 3),
-        (2374, "picker_02", 0.0, -0.3155027663612042, 5),
-        (4515, "carrier_01", 0.6866357807898149, 0.1942637528050758, 20),
+        [
+            Advice(1645, "picker_02", 0.949166901372354, -0.34200036362679015, 3),
+            Advice(2374, "picker_02", 0.0, -0.3155027663612042, 5),
+            Advice(4515, "carrier_01", 0.6866357807898149, 0.1942637528050758, 20),
+        ],
     ),
-    "aslant in the queue, behind another one": (
+    "aslant in the queue, behind another one": AdvisedHarvest(
         {
             "rows": 4,
             "row_length": 40.0,
@@ -170,17 +210,21 @@ JAMMED = {  # what was wrong -> the scenario, and the advice: tick, robot, m/s, 
             "tractor": True,
             "route": "two-way",
         },
-        (181, "picker_02", 0.37631310680089003, 0.26098980563623364, 2),
-        (2235, "carrier_01", 0.42636171792004385, -0.04665318254538581, 16),
-        (5202, "carrier_03", 0.0, -0.026005985185407365, 19),
+        [
+            Advice(181, "picker_02", 0.37631310680089003, 0.26098980563623364, 2),
+            Advice(2235, "carrier_01", 0.42636171792004385, -0.04665318254538581, 16),
+            Advice(5202, "carrier_03", 0.0, -0.026005985185407365, 19),
+        ],
     ),
-    "far back to a line, past the place of the empty bin": (
+    "far back to a line, past the place of the empty bin": AdvisedHarvest(
         {"rows": 5, "carriers": 1, "seed": 502694, "tractor": True, "dispatch": "assignment"},
-        (590, "carrier_01", 0.0, 0.07719545572934472, 7),
-        (2012, "picker_01", 0.17111112491881508, -0.1607517764608366, 19),
-        (2299, "picker_01", -0.297743710622897, 0.0647417695607021, 12),
+        [
+            Advice(590, "carrier_01", 0.0, 0.07719545572934472, 7),
+            Advice(2012, "picker_01", 0.17111112491881508, -0.1607517764608366, 19),
+            Advice(2299, "picker_01", -0.297743710622897, 0.0647417695607021, 12),
+        ],
     ),
-    "behind its place, before a fence": (
+    "behind its place, before a fence": AdvisedHarvest(
         {
             "rows": 6,
             "pickers": 4,
@@ -190,9 +234,11 @@ JAMMED = {  # what was wrong -> the scenario, and the advice: tick, robot, m/s, 
             "tractor": True,
             "dispatch": "assignment",
         },
-        (2589, "tractor_01", 0.9806336947484193, -0.20920873895287542, 18),
+        [
+            Advice(2589, "tractor_01", 0.9806336947484193, -0.20920873895287542, 18),
+        ],
     ),
-    "aslant beside a picker that waits for the next one": (
+    "aslant beside a picker that waits for the next one": AdvisedHarvest(
         {
             "rows": 5,
             "pickers": 4,
@@ -201,11 +247,13 @@ JAMMED = {  # what was wrong -> the scenario, and the advice: tick, robot, m/s, 
             "tractor": True,
             "route": "two-way",
         },
-        (2640, "picker_01", 0.0, 0.012313167436511119, 15),
-        (3196, "picker_01", 0.0, 0.30920989680203304, 5),
-        (3433, "carrier_02", 0.8504667721745955, -0.07967350334625789, 14),
+        [
+            Advice(2640, "picker_01", 0.0, 0.012313167436511119, 15),
+            Advice(3196, "picker_01", 0.0, 0.30920989680203304, 5),
+            Advice(3433, "carrier_02", 0.8504667721745955, -0.07967350334625789, 14),
+        ],
     ),
-    "aslant before a picker that waits for it": (
+    "aslant before a picker that waits for it": AdvisedHarvest(
         {
             "rows": 8,
             "pickers": 4,
@@ -215,11 +263,13 @@ JAMMED = {  # what was wrong -> the scenario, and the advice: tick, robot, m/s, 
             "dispatch": "nearest",
             "route": "two-way",
         },
-        (856, "carrier_01", 0.8510380779924174, -0.273452245012485, 15),
-        (3358, "picker_03", 0.27384450007697103, -0.2010655864776212, 6),
-        (5258, "picker_02", 0.0, 0.07363394434795179, 9),
+        [
+            Advice(856, "carrier_01", 0.8510380779924174, -0.273452245012485, 15),
+            Advice(3358, "picker_03", 0.27384450007697103, -0.2010655864776212, 6),
+            Advice(5258, "picker_02", 0.0, 0.07363394434795179, 9),
+        ],
     ),
-    "aslant beside its full bin, where it can turn neither ahead nor back": (
+    "aslant beside its full bin, where it can turn neither ahead nor back": AdvisedHarvest(
         {
             "rows": 4,
             "pickers": 2,
@@ -228,10 +278,12 @@ JAMMED = {  # what was wrong -> the scenario, and the advice: tick, robot, m/s, 
             "route": "two-way",
             "tractor": True,
         },
-        (213, "carrier_01", 0.0, 1.07e-51, 19),
-        (746, "carrier_01", -0.44255244420795103, 0.17461320145950499, 17),
+        [
+            Advice(213, "carrier_01", 0.0, 1.07e-51, 19),
+            Advice(746, "carrier_01", -0.44255244420795103, 0.17461320145950499, 17),
+        ],
     ),
-    "past the place where it leaves the empty bin": (
+    "past the place where it leaves the empty bin": AdvisedHarvest(
         {
             "rows": 4,
             "pickers": 3,
@@ -241,11 +293,13 @@ JAMMED = {  # what was wrong -> the scenario, and the advice: tick, robot, m/s, 
             "tractor": True,
             "dispatch": "nearest",
         },
-        (820, "carrier_02", 0.7297432713987164, -0.06999531398102604, 20),
-        (2480, "picker_02", 0.916847694408812, -0.3126112065199836, 13),
-        (3385, "picker_01", 0.614761371903781, -0.12484377430627414, 20),
+        [
+            Advice(820, "carrier_02", 0.7297432713987164, -0.06999531398102604, 20),
+            Advice(2480, "picker_02", 0.916847694408812, -0.3126112065199836, 13),
+            Advice(3385, "picker_01", 0.614761371903781, -0.12484377430627414, 20),
+        ],
     ),
-    "past the place where it turns, with another one behind": (
+    "past the place where it turns, with another one behind": AdvisedHarvest(
         {
             "rows": 4,
             "pickers": 2,
@@ -254,9 +308,11 @@ JAMMED = {  # what was wrong -> the scenario, and the advice: tick, robot, m/s, 
             "route": "two-way",
             "tractor": True,
         },
-        (1801, "carrier_02", 1.0, 0.25, 12),
+        [
+            Advice(1801, "carrier_02", 1.0, 0.25, 12),
+        ],
     ),
-    "past the head of the queue, with another one behind": (
+    "past the head of the queue, with another one behind": AdvisedHarvest(
         {
             "rows": 4,
             "pickers": 2,
@@ -265,15 +321,17 @@ JAMMED = {  # what was wrong -> the scenario, and the advice: tick, robot, m/s, 
             "route": "two-way",
             "tractor": True,
         },
-        (1879, "carrier_01", 1.0, 0.17337756876858523, 16),
-        (2215, "carrier_02", 1.0, -0.2899141750246008, 18),
+        [
+            Advice(1879, "carrier_01", 1.0, 0.17337756876858523, 16),
+            Advice(2215, "carrier_02", 1.0, -0.2899141750246008, 18),
+        ],
     ),
 }
 
 
-@pytest.mark.parametrize("what", JAMMED)
-def test_a_harvest_with_robots_driven_off_their_lines_finishes(what):
+@pytest.mark.parametrize("harvest", JAMMED.values(), ids=JAMMED)
+def test_a_harvest_with_robots_driven_off_their_lines_finishes(harvest):
     """Each of these harvests once jammed, or a robot hit the same thing again and again."""
-    changes, *advice = JAMMED[what]
-    stage = harvest(changes, advice)
-    assert collisions(stage.world) <= len(advice), stage.happened("collision")[-5:]
+    stage = harvest.run()
+    most = COLLISIONS_OF_ADVICE * len(harvest.advice)
+    assert collisions(stage.world) <= most, stage.happened("collision")[-5:]

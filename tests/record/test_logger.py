@@ -223,7 +223,7 @@ def test_a_slow_recorder_holds_physics_up_no_more_than_none(fleet, tmp_path):
 TICKS = 2000
 
 
-def wait_for(what, seconds: float = PATIENCE):
+def wait_until(what, seconds: float = PATIENCE):
     deadline = time.monotonic() + seconds
     while not (found := what()):
         assert time.monotonic() < deadline, "it never came"
@@ -240,7 +240,7 @@ def loggers_of(run: subprocess.Popen) -> list[psutil.Process]:
 
 
 def next_logger(run: subprocess.Popen, old: psutil.Process) -> psutil.Process:
-    return wait_for(lambda: [logger for logger in loggers_of(run) if logger.pid != old.pid])[0]
+    return wait_until(lambda: [logger for logger in loggers_of(run) if logger.pid != old.pid])[0]
 
 
 def has_begun(file: Path) -> bool:
@@ -257,7 +257,7 @@ def battered(tmp_path_factory):
     file = folder / "run.rrd"
     pace = ["--hosts", 1, "--speed", 10, "--duration", TICKS / 10]
     with running("--rows", 3, *pace, "--record", file, "--summary", folder / "summary.json") as run:
-        wait_for(lambda: has_begun(file))
+        wait_until(lambda: has_begun(file))
         (first,) = loggers_of(run)
         assert os.sched_getscheduler(first.pid) == os.SCHED_BATCH, (
             "it interrupts those for which the run waits"
@@ -266,7 +266,7 @@ def battered(tmp_path_factory):
         second = next_logger(run, first)
         second.kill()
         third = next_logger(run, second)
-        wait_for(lambda: has_begun(file.with_suffix(".part2.rrd")))
+        wait_until(lambda: has_begun(file.with_suffix(".part2.rrd")))
         third.send_signal(signal.SIGSTOP)
         next_logger(run, third)
         printed, _ = run.communicate(timeout=PATIENCE)

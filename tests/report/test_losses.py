@@ -18,6 +18,7 @@ FAR = {"seconds_away": 800.0, "trailers": {"count": 1, "bins": 2}}
 
 
 def small(load_out: dict[str, Any], **values: Any) -> Layout:
+    """Return a small orchard with this policy."""
     size = {"rows": 6, "pickers": 2, "carriers": 3, "row_length": 24.0}
     return lay_out(Scenario.model_validate(NOBODY | size | values | {"load_out": load_out}))
 

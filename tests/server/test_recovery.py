@@ -101,7 +101,9 @@ def test_who_was_given_up_is_refused_until_it_joins(fleet):
     wait_for(clock, lambda message: message["tick"] >= 20)
     assert not someone.join("worker_01")["refused"]
     someone.drive("worker_01", 0, 0.5, owner="me")
-    wait_for(figures, lambda message: message["messages_refused"] == {"not owned": 1, "past tick": 1})
+    wait_for(
+        figures, lambda message: message["messages_refused"] == {"not owned": 1, "past tick": 1}
+    )
     token.undeclare()
     fleet.stop()
 

@@ -259,7 +259,9 @@ def test_the_latch_outlives_the_agent_and_its_host(fleet):
     killed.signal(signal.SIGKILL)
     fleet.hosts.remove(killed)
     fleet.host("--only", "picker_01")
-    wait_for(velocities, lambda velocity: velocity["owner"] != old and velocity["linear"]["x"] > 0.0)
+    wait_for(
+        velocities, lambda velocity: velocity["owner"] != old and velocity["linear"]["x"] > 0.0
+    )
     assert_stands(poses)
     ask(someone, False)
     assert_goes_on(poses)

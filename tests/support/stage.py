@@ -15,11 +15,10 @@ from orchard.server.figures import RunFigures
 from orchard.sim.lookahead import Lookahead
 from orchard.sim.world import NONE
 
-ONE_WAY = {
-    "route": "one-way",
-    "rows_to_pickers": "balanced",
-}  # all pickers begin in the west, and the queue lies in the east
-NOBODY_ABOUT = {
+# All pickers begin in the west, and the queue lies in the east.
+ONE_WAY = {"route": "one-way", "rows_to_pickers": "balanced"}
+# No people, animals and weeds.
+EMPTY_SCENE = {
     "people": People(workers=0, visitors=0),
     "animals": Animals(dogs=0, cats=0),
     "weeds": 0,
@@ -30,10 +29,17 @@ def empty_orchard(**changes) -> Scenario:
     """Return a scenario with one-way roads, without people, animals, weeds and tractor, except for
     `changes`.
     """
-    return Scenario(**{"rows": 3, "tractor": False, **ONE_WAY, **NOBODY_ABOUT, **changes})
+    return Scenario(**{"rows": 3, "tractor": False, **ONE_WAY, **EMPTY_SCENE, **changes})
+
+
+def small_orchard(policy: str, **changes) -> Scenario:
+    """Return an orchard of 4 rows, 2 pickers and 2 carriers with this policy, but for `changes`."""
+    return empty_orchard(**{"rows": 4, "pickers": 2, "carriers": 2, "dispatch": policy, **changes})
 
 
 class Standing:
+    """An agent that stands."""
+
     Memory = dict
 
     def tick(self, seen: Observation, mail: Mail, memory: object) -> Action:
@@ -41,6 +47,8 @@ class Standing:
 
 
 class Acting:
+    """An agent that does what a function of the test says."""
+
     Memory = dict
 
     def __init__(self, tick: Callable[[Observation, Mail, object], Action]) -> None:
@@ -48,6 +56,8 @@ class Acting:
 
 
 class Driven:
+    """An agent that drives at one velocity."""
+
     Memory = dict
 
     def __init__(self, twist: Twist) -> None:
@@ -84,22 +94,24 @@ class Stage:
         return self.world.tick / 10
 
     def put(self, name: str, x: float, y: float, heading: str = "EAST") -> None:
+        """Set where a body is at the start. A robot takes its bin with it."""
         assert self.world.tick == 0, "put bodies before the first tick"
         i = self.world.index[name]
-        dx, dy = x - self.world.pose[i, 0], y - self.world.pose[i, 1]
-        assert self.world.coupled[i] == NONE or heading == "EAST", (
-            "put a robot with a bin facing east"
-        )
-        if self.world.coupled[i] != NONE:
-            self.world.pose[self.world.coupled[i], :2] += dx, dy
+        bin_ = self.world.coupled[i]
+        if bin_ != NONE:
+            assert heading == "EAST", "put a robot with a bin facing east"
+            self.world.pose[bin_, 0] += x - self.world.pose[i, 0]
+            self.world.pose[bin_, 1] += y - self.world.pose[i, 1]
         self.world.pose[i] = x, y, HEADINGS[heading]
 
     def give(self, name: str, steps: list, **memory) -> None:
+        """Replace the plan of an agent, and what else it remembers."""
         agent = self.local.agents[name]
         self.local.engine.wake([name])
         self.local.memories[name] = agent.Memory(plan=list(steps), **memory)
 
     def follow(self, name: str, steps: list, seconds: float = 60.0) -> float:
+        """Give a plan, and run until it is done. Return the seconds that it took."""
         self.give(name, steps)
         return self.run_until(lambda: not self.local.memories[name].plan, seconds)
 
@@ -127,11 +139,13 @@ class Stage:
         return (self.world.tick - start) / 10
 
     def run_to_the_end(self, seconds: float = 4000.0) -> float:
+        """Harvest to the end, without a violation. Return the seconds that it took."""
         took = self.run_until(lambda: self.local.engine.over, seconds)
         assert self.local.engine.violations() == []
         return took
 
     def who_is_where(self) -> str:
+        """Return a line for each agent: where it is, what it does, and for what it waits."""
         lines = [
             f"{n} at {tuple(self.pose(n))}: {a.doing}, waits for {a.waits_for or 'nothing'}"
             for n, a in self.local.actions.items()
@@ -142,19 +156,23 @@ class Stage:
     # -- queries
 
     def pose(self, name: str) -> tuple[float, float, float]:
+        """Return x and y, m, and the heading, rad."""
         return tuple(float(v) for v in self.world.pose[self.world.index[name]])
 
     def bin_of(self, name: str) -> str:
+        """Return the bin that is coupled to a robot, '' without one."""
         other = self.world.coupled[self.world.index[name]]
         return "" if other == NONE else self.world.layout.names[other]
 
     def is_full(self, name: str) -> bool:
+        """Whether a bin has the fruit of 70 m, the default row."""
         return bool(self.world.fill[self.world.index[name]] >= 70.0)
 
     def doing(self, name: str) -> str:
         return self.local.actions[name].doing
 
     def happened(self, what: str, who: str = "") -> list[Event]:
+        """Return the events of a kind, of all bodies or of one."""
         return [event for event in self.events if event.what == what and who in ("", event.who)]
 
     # -- assertions
@@ -162,24 +180,24 @@ class Stage:
     def assert_at(
         self, name: str, x: float | None = None, y: float | None = None, heading: str | None = None
     ) -> None:
-        """Assert that a body is at a place and faces a heading, to a micrometre and a
-        microradian.
-        """
-        here = self.pose(name)
-        for got, wanted, axis in ((here[0], x, "x"), (here[1], y, "y")):
-            assert wanted is None or abs(got - wanted) < 1e-6, (
-                f"{name}: {axis} = {got}, not {wanted}"
-            )
-        off = 0.0 if heading is None else angle_between(here[2], HEADINGS[heading])
-        assert abs(off) < 1e-6, f"{name} faces {here[2]}, not {heading}"
+        """Assert a place and a heading, to a micrometre and a microradian. None is not tested."""
+        is_x, is_y, yaw = self.pose(name)
+        if x is not None:
+            assert abs(is_x - x) < 1e-6, f"{name}: x = {is_x}, not {x}"
+        if y is not None:
+            assert abs(is_y - y) < 1e-6, f"{name}: y = {is_y}, not {y}"
+        if heading is not None:
+            off = angle_between(yaw, HEADINGS[heading])
+            assert abs(off) < 1e-6, f"{name} faces {yaw}, not {heading}"
 
     def assert_no_collisions(self) -> None:
         assert collisions(self.world) == 0, self.happened("collision")
 
 
 def meadow(**changes) -> Stage:
-    """An orchard whose pickers and carriers do nothing until they are given a plan; carrier_01
-    stands free of the others.
+    """Return a stage whose pickers and carriers have no plan until they are given one.
+
+    carrier_01 stands free of the others.
     """
     stage = Stage(empty_orchard(**changes))
     for name in stage.local.agents:
@@ -189,9 +207,7 @@ def meadow(**changes) -> Stage:
 
 
 def one_guest(kind: str, x: float, y: float, heading: str = "EAST") -> Stage:
-    """An orchard with one worker, visitor, dog or cat, no other person or animal, and no robot at
-    work.
-    """
+    """Return a stage with one worker, visitor, dog or cat, and no robot at work."""
     people = People(workers=int(kind == "worker"), visitors=int(kind == "visitor"))
     animals = Animals(dogs=int(kind == "dog"), cats=int(kind == "cat"))
     stage = meadow(people=people, animals=animals)

@@ -37,11 +37,13 @@ def test_a_jam_ends_a_run_as_the_command_ends_it(soon_jammed):
     while not run.ended:
         assert run.engine.tick < 10_000
         run.tick()
-    assert (run.ended, run.engine.over) == ("jammed", False)
+    assert run.ended == "jammed"
+    assert not run.engine.over
     assert "carrier_01 (standing with a flat battery)" in run.jam
     kept = unpack(pack(run.snapshot()), Snapshot)
     resumed = Local.resume(kept)
-    assert (resumed.ended, resumed.jam) == ("jammed", run.jam)
+    assert resumed.ended == "jammed"
+    assert resumed.jam == run.jam
     assert run.fork(pickers=3).ended == "", "what was changed may end the jam"
 
 
@@ -72,7 +74,8 @@ def test_a_harvested_run_goes_on_as_long_as_one_wants(soon_jammed):
     harvested = run.engine.tick
     for _ in range(2500):
         run.tick()
-    assert (run.ended, run.engine.tick) == ("harvested", harvested + 2500)
+    assert run.ended == "harvested"
+    assert run.engine.tick == harvested + 2500
 
 
 def test_a_harvest_ends_as_harvested():
@@ -80,7 +83,9 @@ def test_a_harvest_ends_as_harvested():
     while not run.ended:
         assert run.engine.tick < 10_000
         run.tick()
-    assert (run.ended, run.engine.over, run.jam) == ("harvested", True, [])
+    assert run.ended == "harvested"
+    assert run.engine.over
+    assert run.jam == []
 
 
 class Failing:

@@ -234,7 +234,8 @@ def test_on_a_phone_run_is_first_and_nothing_is_too_wide(listed):
     with as_phone(listed):
         compare_two(listed)
         run = listed.one("[data-action=run]").rect
-        assert run["y"] > 0 and run["y"] + run["height"] < PHONE[1]
+        assert run["y"] > 0
+        assert run["y"] + run["height"] < PHONE[1]
         assert (
             listed.driver.execute_script("return document.documentElement.scrollWidth") <= PHONE[0]
         )

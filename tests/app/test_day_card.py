@@ -34,7 +34,9 @@ def day(draft):
 def test_a_day_is_entered_as_people_write_it(day):
     assert day.problems == {}
     shift = day.scenario.shift
-    assert (shift.begin, shift.end, shift.breaks) == ("07:00", "16:30", BREAKS)
+    assert shift.begin == "07:00"
+    assert shift.end == "16:30"
+    assert shift.breaks == BREAKS
     assert shift.work_seconds == 8.5 * 3600.0
 
 

@@ -18,7 +18,9 @@ def test_the_page_asks_for_every_value_of_a_scenario():
 
 def test_limits_and_steps_come_from_the_schema():
     rows = entries()["rows"]
-    assert (rows.low, rows.high, rows.step) == (3, 100, 1)
+    assert rows.low == 3
+    assert rows.high == 100
+    assert rows.step == 1
     assert rows.limits == "3 to 100"
 
     noise = entries()["laser.noise"]

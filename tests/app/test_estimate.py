@@ -24,7 +24,8 @@ def test_harvests_that_are_nearly_the_same_need_few():
     estimate = FleetEstimate(EVEN, [FastHarvest(9.0, 100.0)] * 3)
     assert not estimate.is_done
     estimate.samples.append(FastHarvest(9.01, 100.0))
-    assert estimate.is_done and 0.0 < estimate.unsure < 0.005
+    assert estimate.is_done
+    assert 0.0 < estimate.unsure < 0.005
 
 
 def test_what_is_unsure_shrinks_with_each_harvest():

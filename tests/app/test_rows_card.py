@@ -37,7 +37,8 @@ def test_the_page_has_spacing_where_the_scenario_has_a_width():
     entry = entries()["row_width"]
     assert entry.label == "Spacing of rows"
     assert entry.limits == "3.65 to 12.5 m, from tree to tree"
-    assert entry.from_page(4.5) == 4.0 and entry.to_page(4.0) == 4.5
+    assert entry.from_page(4.5) == 4.0
+    assert entry.to_page(4.0) == 4.5
     assert entry.from_page("wide") == "wide", "a text stays as it was typed"
     assert words_of("row_width", 4.0) == "4.5"
     assert "spacing of rows 4.5" in title_of(Scenario(row_width=4.0))

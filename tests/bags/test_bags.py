@@ -98,7 +98,8 @@ def test_the_velocities_in_a_bag_have_the_bits_of_the_run(recorded, exported):
     for name in ROBOTS:
         odometry = dict(exported[f"/{name}/odom"])
         commands = dict(exported[f"/{name}/cmd_vel"])
-        assert [*odometry] == [*range(TICKS + 1)] and [*commands] == [*range(TICKS)]
+        assert [*odometry] == [*range(TICKS + 1)]
+        assert [*commands] == [*range(TICKS)]
         for tick, (poses, twists, wanted) in recorded[1].items():
             twist = odometry[tick].twist.twist
             commanded = commands[tick - 1].twist
@@ -137,10 +138,10 @@ def test_the_scans_in_a_bag_are_those_of_the_recording(exported):
     laser = KINDS["picker"].laser
     for _, scan in scans:
         assert len(scan.ranges) == laser.beams // SCAN_BEAMS
-        assert scan.angle_increment == pytest.approx(
-            laser.increment * SCAN_BEAMS
-        ) and scan.angle_min == pytest.approx(laser.first)
-        assert np.isfinite(scan.ranges).any() and np.isinf(scan.ranges).any()
+        assert scan.angle_increment == pytest.approx(laser.increment * SCAN_BEAMS)
+        assert scan.angle_min == pytest.approx(laser.first)
+        assert np.isfinite(scan.ranges).any()
+        assert np.isinf(scan.ranges).any()
 
 
 @given(

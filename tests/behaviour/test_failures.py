@@ -87,10 +87,8 @@ def test_a_carrier_fails_after_the_drawn_drive_and_goes_on(route):
     assert stage.run_until(lambda: not failed(stage), repair + 0.5) == pytest.approx(
         repair, abs=0.2
     )
-    assert (
-        stage.doing("carrier_01").startswith(("bringing an empty bin", "taking"))
-        and stage.local.memories["carrier_01"].job == job
-    )
+    assert stage.doing("carrier_01").startswith(("bringing an empty bin", "taking"))
+    assert stage.local.memories["carrier_01"].job == job
 
 
 def failed(stage: Stage) -> bool:
@@ -127,7 +125,8 @@ def test_a_carrier_that_fails_behind_a_place_keeps_it():
     stage.assert_at("carrier_01", x=6.0)
     assert stage.local.memories["carrier_01"].reserved == ["second"], "another one may turn there"
     stage.run_until(lambda: not stage.local.memories["carrier_01"].reserved)
-    assert not failed(stage) and stage.pose("carrier_01")[0] < 6.2
+    assert not failed(stage)
+    assert stage.pose("carrier_01")[0] < 6.2
 
 
 def test_a_step_before_a_failure_is_not_the_picking_speed():

@@ -120,7 +120,8 @@ def test_bins_tell_whether_they_are_full_and_on_whom():
     )
     stage.run(73)
     begun, left = asker.answers
-    assert (begun.full, begun.coupled_to) == (False, "picker_01")
+    assert not begun.full
+    assert begun.coupled_to == "picker_01"
     assert begun.fill == pytest.approx(0.1), "asked at 0 s, heard at 0.1 s"
     assert left == BinState(full=True, fill=70.0, coupled_to="")
 

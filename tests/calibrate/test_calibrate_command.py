@@ -50,7 +50,9 @@ def test_the_documented_command_gives_a_tested_rate(folder):
     assert "2000-01-02, which the fit did not see:" in told
     scenario = load(folder / "mine.yaml")
     assert scenario.picking_rate == pytest.approx(4.0, rel=0.2)
-    assert (scenario.rows, scenario.pickers, scenario.carriers) == (6, 3, 2)
+    assert scenario.rows == 6
+    assert scenario.pickers == 3
+    assert scenario.carriers == 2
     assert f"{scenario.picking_rate:.3g}" in told
     # A scenario of this command may be replaced, and no other file.
     assert orchard(*words, folder=folder).stdout == told

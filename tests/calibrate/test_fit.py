@@ -93,7 +93,9 @@ def test_the_log_of_the_simulator_gives_its_rate_back(tmp_path):
     log = read_log(path)
     logged = bins_of(log, WorkShift())
     orchard = orchard_of(log, logged.bins, with_changes(truth, picking_rate=20.0))
-    assert (orchard.base.pickers, orchard.base.carriers, orchard.has_rows) == (3, 2, True)
+    assert orchard.base.pickers == 3
+    assert orchard.base.carriers == 2
+    assert orchard.has_rows
     fitted = fit(LoggedBins(orchard.bins, [], []), orchard.base, True, "log.csv")
     assert fitted.picking.rate.low <= 12.0 <= fitted.picking.rate.high
     assert fitted.picking.rate.value == pytest.approx(12.0, rel=0.1)
@@ -133,13 +135,15 @@ def test_a_log_of_rows_without_pickers_gives_the_rate_back():
     picking = fit(LoggedBins(bins, [], []), KNOWN, False, "log.csv").picking
     assert picking.rate.low <= 2.0 <= picking.rate.high
     assert picking.between_rows.low <= 0.2 <= picking.between_rows.high
-    assert (picking.between_pickers, list(picking.rates)) == (None, [""])
+    assert picking.between_pickers is None
+    assert list(picking.rates) == [""]
 
 
 def test_one_day_is_fitted_and_leaves_no_test():
     bins = log_of(with_changes(KNOWN, picking_rate=2.0))
     earlier, of_day = split_last_day(LoggedBins(bins, [], []))
-    assert (len(earlier.bins), of_day) == (len(bins), [])
+    assert len(earlier.bins) == len(bins)
+    assert of_day == []
 
 
 def test_a_bin_that_took_far_too_long_is_told_and_left_out():
@@ -217,7 +221,8 @@ def test_a_single_drive_of_another_way_tells_no_speed():
     seconds = np.array([45.0, 47.0, 44.0] * 5 + [150.0])
     model = BinDrives(np.array([30.0, 120.0]), np.array([40.0, 130.0]))
     driving = fit_driving(BinDrives(metres, seconds), model, 1.0, 10.0, 0.95)
-    assert (driving.speed, driving.why) == (None, "there are too few drives of other ways")
+    assert driving.speed is None
+    assert driving.why == "there are too few drives of other ways"
 
 
 def test_a_resample_of_equal_ways_leaves_an_interval():
@@ -287,7 +292,8 @@ def test_a_scenario_may_have_rates_of_more_pickers():
     log = BinLog("log.csv", [], frozenset(), [])
     on = with_changes(KNOWN, pickers=5, picker_rates={"picker_05": 0.5})
     orchard = orchard_of(log, crew_log(3), on, "mine.yaml")
-    assert (orchard.base.pickers, orchard.base.picker_rates) == (3, {})
+    assert orchard.base.pickers == 3
+    assert orchard.base.picker_rates == {}
     assert "picker_rates of the scenario are left out: the log tells them" in orchard.notes
 
 
@@ -308,4 +314,6 @@ def test_rows_that_are_picked_each_day_are_no_longer_for_it():
         for bin_ in crew_log(3, rows=6, bins=5):
             bins.append(replace(bin_, day=date(2026, 4, day)))
     base = orchard_of(BinLog("log.csv", [], frozenset(), []), bins, None).base
-    assert (base.rows, base.row_length, base.bins_per_row) == (6, 70.0, 5.0)
+    assert base.rows == 6
+    assert base.row_length == 70.0
+    assert base.bins_per_row == 5.0

@@ -43,12 +43,15 @@ def changed(line: int, text: str) -> str:
 
 def test_each_bin_has_its_three_times(tmp_path):
     first, second = bins_of(read(tmp_path, GOOD), WorkShift()).bins
-    assert (first.picker, first.row, first.carrier) == ("Ana", "3", "T1")
+    assert first.picker == "Ana"
+    assert first.row == "3"
+    assert first.carrier == "T1"
     hour = 3600.0
     assert first.full == 7 * hour + 2400.0
     assert first.fetched == first.full + 240.0
     assert first.unloaded == first.full + 630.0
-    assert (second.carrier, second.unloaded) == ("T2", None)
+    assert second.carrier == "T2"
+    assert second.unloaded is None
 
 
 def test_other_names_of_columns_and_events_are_known(tmp_path):

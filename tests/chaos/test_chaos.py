@@ -47,7 +47,8 @@ def test_faults_come_while_the_run_goes_on_in_order():
     for this in TRIALS:
         ticks = [fault.tick for fault in this.faults]
         assert ticks == sorted(ticks)
-        assert ticks[0] > 0 and ticks[-1] < 10 * (this.seconds or 550)
+        assert ticks[0] > 0
+        assert ticks[-1] < 10 * (this.seconds or 550)
 
 
 def test_no_process_is_killed_as_often_as_makes_it_be_given_up():
@@ -277,8 +278,10 @@ def test_each_mistake_is_refused_but_that_in_a_text():
 def test_a_whole_harvest_in_realtime_must_deliver_every_bin(wanted):
     good = judge(REALTIME, execution(), summary(wanted, finished=True, bins_delivered=3), None)
     lacking = judge(REALTIME, execution(), summary(wanted, finished=True, bins_delivered=2), None)
-    assert (good.bins_lost, lacking.bins_lost) == (0, 1)
-    assert (good.complaints == [], lacking.complaints == []) == (True, False)
+    assert good.bins_lost == 0
+    assert lacking.bins_lost == 1
+    assert good.complaints == []
+    assert lacking.complaints != []
 
 
 def test_every_run_has_a_time_limit():

@@ -37,7 +37,8 @@ SEEN = {  # measure -> code that it counts once, code that it does not count
 @pytest.fixture(scope="module")
 def readability():
     spec = importlib.util.spec_from_file_location("readability", SOURCE)
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules["readability"] = module
     spec.loader.exec_module(module)

@@ -70,7 +70,8 @@ def test_a_client_before_the_run_asks_until_it_answers(fleet):
         fleet.physics(SMALL, "--duration", "4", "--connect", endpoint)
         fleet.host("--without", "picker_01")
         said, errors = client.communicate(timeout=PATIENCE)
-    assert (said, errors) == ("40 ticks answered\n", "")
+    assert said == "40 ticks answered\n"
+    assert errors == ""
     fleet.end()
 
 

@@ -121,7 +121,8 @@ def test_the_reference_of_the_library_reads_in_a_clone():
     """Each name has words of its own, and no directive that only a program can read."""
     text = (ROOT / "docs" / "api.md").read_text()
     sections = [section.splitlines()[1:] for section in text.split("\n### ")[1:]]
-    assert "eval-rst" not in text and ".. auto" not in text
+    assert "eval-rst" not in text
+    assert ".. auto" not in text
     assert [section for section in sections if not any(line.strip() for line in section)] == []
 
 

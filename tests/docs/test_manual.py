@@ -97,7 +97,8 @@ def test_bins_report_early_or_call_carriers_when_full():
     tick, _, to, fetch = next(
         letter for letter in course("default").letters if isinstance(letter[3], Fetch)
     )
-    assert (tick, to) == (0, "dispatch") and fetch.seconds_to_full > 60.0
+    assert (tick, to) == (0, "dispatch")
+    assert fetch.seconds_to_full > 60.0
     manual = course("manual")
     calls = [(tick, sender, to) for tick, sender, to, body in manual.letters if type(body) is Call]
     assert {to for _, _, to in calls} == set(manual.carriers)
@@ -127,7 +128,8 @@ def test_a_picker_goes_on_before_its_full_bin_is_taken(name):
     fetched = next(
         event.tick for event in events if event.what == "coupled" and event.whom == "bin_01"
     )
-    assert empty != "bin_01" and took < fetched
+    assert empty != "bin_01"
+    assert took < fetched
 
 
 def test_every_second_picker_starts_at_the_other_end():

@@ -72,7 +72,8 @@ def apart(seed: int) -> float:
     while not run.ended and run.engine.tick < LONGEST:
         run.tick()
     world = run.engine.world
-    assert (run.ended, run.jam) == ("harvested", [])
+    assert run.ended == "harvested"
+    assert run.jam == []
     assert not world.collisions.any()
     return abs(expected.seconds / world.seconds - 1.0)
 

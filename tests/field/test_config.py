@@ -110,7 +110,8 @@ def test_a_shipped_scenario_is_harvested(name: str) -> None:
     assert name in shipped()
     layout = lay_out(load(CONFIG / f"{name}.yaml"))
     harvest = DiscreteHarvest(layout).run()
-    assert harvest.is_over and harvest.delivered == layout.bins
+    assert harvest.is_over
+    assert harvest.delivered == layout.bins
 
 
 def test_the_committed_schema_is_the_models() -> None:

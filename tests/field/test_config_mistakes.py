@@ -293,12 +293,10 @@ def test_problems_are_data_too() -> None:
     with pytest.raises(ScenarioError) as caught:
         parse("seed: 1\nrows: 999", "my.yaml")
     (problem,) = caught.value.problems
-    assert (problem.file, problem.line, problem.path, problem.value) == (
-        "my.yaml",
-        2,
-        "rows",
-        "999",
-    )
+    assert problem.file == "my.yaml"
+    assert problem.line == 2
+    assert problem.path == "rows"
+    assert problem.value == "999"
 
 
 def unreadable(path: Path | str) -> str:
@@ -471,4 +469,5 @@ def test_mistakes_come_out_of_a_worker_process_as_they_are():
     with pytest.raises(ScenarioError) as raised:
         Scenario(rows=2)
     copy = pickle.loads(pickle.dumps(raised.value))
-    assert (str(copy), copy.problems) == (str(raised.value), raised.value.problems)
+    assert str(copy) == str(raised.value)
+    assert copy.problems == raised.value.problems

@@ -91,8 +91,10 @@ def test_the_turn_between_neighbouring_headings_is_a_quarter(start, end, turn):
 
 def test_a_rect_contains_its_edges():
     rect = Rect(0.0, 0.0, 2.0, 1.0)
-    assert rect.contains(0.0, 1.0) and rect.contains(2.0, 0.0)
-    assert not rect.contains(2.001, 0.5) and not rect.contains(1.0, -0.001)
+    assert rect.contains(0.0, 1.0)
+    assert rect.contains(2.0, 0.0)
+    assert not rect.contains(2.001, 0.5)
+    assert not rect.contains(1.0, -0.001)
 
 
 @settings(max_examples=300)

@@ -301,9 +301,12 @@ def test_every_line_has_twelve_trees_and_eleven_posts() -> None:
 def test_fences_are_a_metre_thick_and_close_the_field() -> None:
     layout = lay_out(Scenario())
     north, south, west, east = layout.walls[:4]
-    assert (north[1] - north[3], south[1] + south[3]) == (33.5, layout.bottom + 0.5)
-    assert (west[0] + west[2], east[0] - east[2]) == (-49.5, 49.5)
-    assert (north[0] - north[2], north[0] + north[2]) == (-50.5, 50.5)
+    assert north[1] - north[3] == 33.5
+    assert south[1] + south[3] == layout.bottom + 0.5
+    assert west[0] + west[2] == -49.5
+    assert east[0] - east[2] == 49.5
+    assert north[0] - north[2] == -50.5
+    assert north[0] + north[2] == 50.5
     assert (west[1] + west[3], west[1] - west[3]) == pytest.approx((34.5, layout.bottom - 0.5))
 
 

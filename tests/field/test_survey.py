@@ -34,7 +34,8 @@ def test_surveyed_rows_lie_as_surveyed_without_overlaps(drawn: list[Row]):
             <= lane.y + 1e-9
             <= north.y - 0.25 - lane.width / 2 + 2e-9
         )
-        assert min(north.west, south.west) <= lane.west and lane.east <= max(north.east, south.east)
+        assert min(north.west, south.west) <= lane.west
+        assert lane.east <= max(north.east, south.east)
         assert all(
             line.west + 1.0 - 1e-6 <= x <= line.east - 3.0 + 1e-6
             for line in (north, south)
@@ -75,8 +76,10 @@ def test_equal_rows_by_survey_are_those_without_one():
     surveyed = [{"id": str(i), "south": 5.5 * i, "start": 0.0, "length": 42.5} for i in range(4)]
     one = lay_out(alike)
     other = lay_out(check({"rows": 4, "row_length": 42.5, "seed": 3, "survey": {"rows": surveyed}}))
-    assert other.lanes == one.lanes and other.lines == one.lines
-    assert other.starts == one.starts and (other.walls == one.walls).all()
+    assert other.lanes == one.lanes
+    assert other.lines == one.lines
+    assert other.starts == one.starts
+    assert (other.walls == one.walls).all()
 
 
 @pytest.mark.parametrize(("route", "rule"), [(ONE_WAY, "balanced"), (TWO_WAY, "balanced-ends")])

@@ -101,6 +101,7 @@ def assert_is_found(bisection: Bisection, decided: int) -> None:
     if decided < MOMENTS[0]:
         assert good is None
     elif decided > MOMENTS[-1]:
-        assert (good, bad) == (MOMENTS[-1], None)
+        assert good == MOMENTS[-1]
+        assert bad is None
     else:
         assert good <= decided < bad <= good + 10

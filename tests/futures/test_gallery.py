@@ -44,7 +44,8 @@ def test_each_failure_was_decided_at_the_moment_of_the_page(name, request):
     decided = re.search(r"# decided: (\S+) with ([a-z_]+)=(.+)", block(PAGE, name))
     section = (ROOT / PAGE).read_text().split(f"```yaml {name}\n")[1].split("\n### ")[0]
     shown = re.findall(r"^    (\w+ \(.*)$", section, re.M)
-    assert decided and shown
+    assert decided
+    assert shown
     run = WatchedRun(Local(scenario(name, cured=False)).snapshot(), is_hashed=False)
 
     def changed_at(tick):

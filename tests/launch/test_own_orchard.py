@@ -50,7 +50,8 @@ def test_the_commands_of_the_document_harvest_the_sample(tmp_path):
 
 def test_the_scenario_in_the_document_is_one():
     scenario = parse(block("docs/how-to.md", "surveyed"))
-    assert scenario.survey is not None and [row.id for row in scenario.survey.rows] == [
+    assert scenario.survey is not None
+    assert [row.id for row in scenario.survey.rows] == [
         "A",
         "B",
         "C",
@@ -70,14 +71,13 @@ def test_a_file_is_not_overwritten_and_the_sizes_are_told(tmp_path):
         " they are lines of trees, there are at most 7 rows: orchard layout import"
         f" {SAMPLE} --lines trees\n"
     )
-    assert (told.exit_code, told.stdout) == (0, sizes)
+    assert told.exit_code == 0
+    assert told.stdout == sizes
     assert load(out).survey == parse(imported(SAMPLE).stdout).survey
     out.write_text("rows: 3")
     again = imported(SAMPLE, "--out", out)
-    assert (again.exit_code, again.stderr) == (
-        2,
-        f"{out}: there is such a file; --out must name a new one\n",
-    )
+    assert again.exit_code == 2
+    assert again.stderr == f"{out}: there is such a file; --out must name a new one\n"
     assert out.read_text() == "rows: 3"
 
 
@@ -86,11 +86,13 @@ def test_place_and_sizes_are_printed_and_drawn_on_the_plan(tmp_path):
     plan = tmp_path / "plan.svg"
     told = imported(SAMPLE, "--plan", plan)
     place = "middle at 37.79003 S, 176.32560 E; rows run 71.0 degrees clockwise from north"
-    assert told.exit_code == 0 and told.stderr.startswith(f"- {place}\n")
+    assert told.exit_code == 0
+    assert told.stderr.startswith(f"- {place}\n")
     sizes = "8 rows, 89.11 to 95.20 m long, 5.45 to 6.04 m apart"
     assert f">{sizes}; {place}</text>" in plan.read_text()
     again = imported(SAMPLE, "--plan", plan)
-    assert (again.exit_code, again.stdout) == (2, "")
+    assert again.exit_code == 2
+    assert again.stdout == ""
     assert again.stderr == f"{plan}: there is such a file; --plan must name a new one\n"
 
 
@@ -107,13 +109,13 @@ def test_a_file_name_stays_within_the_comment_of_the_scenario(tmp_path):
 def test_what_is_wrong_is_told_on_stderr_with_exit_code_2(tmp_path):
     told = imported(tmp_path / "none.geojson")
     words = f"{tmp_path / 'none.geojson'}: cannot be read: No such file or directory\n"
-    assert (told.exit_code, told.stdout, told.stderr) == (2, "", words)
+    assert told.exit_code == 2
+    assert told.stdout == ""
+    assert told.stderr == words
 
 
 def test_an_import_tells_how_to_get_what_it_needs(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyproj", None)
     told = imported(SAMPLE)
-    assert (told.exit_code, told.stderr) == (
-        2,
-        "An import needs the package pyproj: pip install 'orchard-sim[survey]'\n",
-    )
+    assert told.exit_code == 2
+    assert told.stderr == "An import needs the package pyproj: pip install 'orchard-sim[survey]'\n"

@@ -41,7 +41,8 @@ def test_a_run_without_standard_streams_writes_its_summary(tmp_path):
 )
 def test_help_that_cannot_be_written_is_told(command, to, why, tmp_path):
     code, told = shell(f"orchard {command} {to}", tmp_path)
-    assert (code, told) == (2, f"stdout cannot be written: {why}\n")
+    assert code == 2
+    assert told == f"stdout cannot be written: {why}\n"
 
 
 ANSWERS = [

@@ -75,7 +75,8 @@ def test_three_lines_and_the_hash_are_shown_unless_verbose(capsys, monkeypatch):
     result, limit, try_next, hash_line = printed(
         HarvestOptions(scenario=Path("my.yaml")), capsys, monkeypatch
     )
-    assert (result.split(":")[0], limit.split(":")[0]) == ("5 of 5 rows in 16", "What limits it")
+    assert result.split(":")[0] == "5 of 5 rows in 16"
+    assert limit.split(":")[0] == "What limits it"
     assert try_next.endswith(
         "run.py study my.yaml tells how many carriers are worth it; --verbose shows all figures"
     )
@@ -84,7 +85,8 @@ def test_three_lines_and_the_hash_are_shown_unless_verbose(capsys, monkeypatch):
     assert whole[2].endswith(
         "run.py study --vary carriers --vary rows=5 tells how many carriers are worth it"
     )
-    assert any("collisions" in line for line in whole) and whole[-1] == hash_line
+    assert any("collisions" in line for line in whole)
+    assert whole[-1] == hash_line
 
 
 def test_of_the_figures_what_is_unusual_is_shown():
@@ -156,7 +158,8 @@ def test_the_command_for_agents_left_to_others_is_whole(endpoint):
         "--only",
         "bin_01",
     ]
-    assert connect.endswith(":7447") and "0.0.0.0" not in connect
+    assert connect.endswith(":7447")
+    assert "0.0.0.0" not in connect
 
 
 def test_only_a_run_that_others_can_reach_says_where(tmp_path):

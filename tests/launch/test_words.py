@@ -332,8 +332,9 @@ def test_the_second_run_that_writes_to_one_place_is_refused(option, tmp_path, mo
     with alone(place):
         arguments = [word for word in SHORT if option != "--record" or word not in NO_RECORD]
         code, words = said([*arguments, option, place], monkeypatch, capfd)
-    assert (code, words) == (
-        2,
-        f"{place}: another run writes there now; name another one, or wait until it has ended",
+    assert code == 2
+    assert (
+        words
+        == f"{place}: another run writes there now; name another one, or wait until it has ended"
     )
     assert place.exists() == (option == "--table"), "an empty file is not left"

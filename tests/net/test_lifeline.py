@@ -83,10 +83,8 @@ sys.exit(run_process("child", RouterOptions, None, body))
     with Supervisor(print) as supervisor:
         supervisor.start(ProcessSpec("child", "child", [], again=True))
         supervisor.wait(PATIENCE)
-        assert (supervisor.exit_code("child"), supervisor.running["child"].line.code) == (
-            exit_code,
-            code,
-        )
+        assert supervisor.exit_code("child") == exit_code
+        assert supervisor.running["child"].line.code == code
         assert supervisor.is_over("child") == (code == 0)
         assert supervisor.has_refused() == (code == 2)
 

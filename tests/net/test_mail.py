@@ -92,7 +92,8 @@ def test_a_request_after_its_heard_copy_is_no_fault():
         if tick < 7:
             box.recall(tick)
     box.hear("picker_01", query)
-    assert query.dropped and not query.replies
+    assert query.dropped
+    assert not query.replies
     assert 5 not in [heard.tick for mail in box.deliver(8).values() for heard in mail.requests]
 
 
@@ -139,7 +140,8 @@ def ask(box, tick=5):
 def test_a_tick_waits_for_every_request_physics_tells_of():
     box = settled(5)
     expected = [AskedOf("picker_01", "bin_01", 0), AskedOf("picker_01", "bin_02", 3)]
-    assert box.is_settled(5, []) and not box.may_lack_mail(5, [])
+    assert box.is_settled(5, [])
+    assert not box.may_lack_mail(5, [])
     box.hear("picker_01", Query(letter("bin_01", 4, 0)))
     box.hear("picker_01", Query(letter("bin_02", 4, 2)))
     box.hear("picker_01", Query(letter("bin_02", 5, 3)))
@@ -148,7 +150,8 @@ def test_a_tick_waits_for_every_request_physics_tells_of():
     )
     assert box.may_lack_mail(5, expected)
     box.hear("picker_01", Query(letter("bin_02", 4, 3)))
-    assert box.is_settled(5, expected) and not box.may_lack_mail(5, expected)
+    assert box.is_settled(5, expected)
+    assert not box.may_lack_mail(5, expected)
 
 
 def test_who_has_just_joined_waits_for_no_request():
@@ -171,7 +174,9 @@ def test_an_answer_is_heard_two_ticks_after_the_request():
     box.replied(asked, pack(Answered(RUN, 6, Yes())))
     assert box.deliver(6) == {}
     ((reply,),) = (mail.replies for mail in box.deliver(7).values())
-    assert (reply.sender, reply.number, reply.body) == ("picker_01", 0, Yes())
+    assert reply.sender == "picker_01"
+    assert reply.number == 0
+    assert reply.body == Yes()
 
 
 def test_in_realtime_an_answer_is_heard_once():
@@ -298,7 +303,8 @@ def test_nobody_answers_in_anothers_place():
         ({"bin_01": Written([], given)}, Yes()),
     ):
         (reply,) = LocalMail({3: {"picker_01": asked}, 4: answers}).deliver(5)["picker_01"].replies
-        assert (reply.sender, reply.body) == ("bin_01", body)
+        assert reply.sender == "bin_01"
+        assert reply.body == body
 
 
 def test_each_that_comes_back_gives_all_time_once_a_tick():

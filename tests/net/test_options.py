@@ -88,7 +88,8 @@ def test_port_0_becomes_a_port_that_is_free(host, family):
     except OSError:
         pytest.skip(f"this machine has no {host}")
     endpoint = with_port(f"tcp/{host}:0")
-    assert endpoint.startswith(f"tcp/{host}:") and not endpoint.endswith(":0")
+    assert endpoint.startswith(f"tcp/{host}:")
+    assert not endpoint.endswith(":0")
     check_free(endpoint)
 
 

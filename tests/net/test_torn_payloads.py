@@ -99,7 +99,8 @@ def test_a_torn_question_and_a_torn_reply_end_as_others_do(net):
         net.damage(question, torn)
         asker.ask(key, question, "torn question")
         (query,) = received(receiver, 1, Query)
-        assert (query.key, query.payload) == (key, torn)
+        assert query.key == key
+        assert query.payload == torn
         assert refusal_of(query.payload, Recall) == "malformed"
         query.refuse("malformed")
         ends = [Replied("torn question", b"", "malformed"), Final("torn question")]

@@ -42,12 +42,12 @@ def test_each_metre_is_picked_once_and_bins_are_full(rows, metres_per_bin, start
     ]
     for number, (west, east) in enumerate(rows, start=1):
         parts = sorted(sorted((one.begin, one.stop)) for one in passes if one.row == number)
-        assert (parts[0][0], parts[-1][1]) == (west, east)
+        assert parts[0][0] == west
+        assert parts[-1][1] == east
         assert [one[1] for one in parts[:-1]] == pytest.approx([after[0] for after in parts[1:]])
     fills = [one.fill for one in passes if one.leaves_bin]
-    assert passes[-1].leaves_bin and all(
-        one.is_full == (one.fill >= metres_per_bin - FULL_WITHIN) for one in passes
-    )
+    assert passes[-1].leaves_bin
+    assert all(one.is_full == (one.fill >= metres_per_bin - FULL_WITHIN) for one in passes)
     assert fills[:-1] == pytest.approx([metres_per_bin] * (len(fills) - 1))
     assert sum(fills) == pytest.approx(sum(east - west for west, east in rows), abs=1e-4)
 
@@ -101,11 +101,9 @@ def assert_all_is_picked_into_bins_and_delivered(stage: Stage) -> None:
     ]
     bins = sum(ceil(metres / scenario.metres_per_bin - 1e-6) for metres in of_each)
     assert world.row_picked.tolist() == pytest.approx([lane.length for lane in layout.lanes])
-    assert (layout.bins, world.delivered, world.delivered_metres) == (
-        bins,
-        bins,
-        pytest.approx(sum(of_each)),
-    )
+    assert layout.bins == bins
+    assert world.delivered == bins
+    assert world.delivered_metres == pytest.approx(sum(of_each))
     made = exchanges(
         [
             {name: getattr(event, name) for name in ("tick", "what", "who", "whom", "detail")}
@@ -113,7 +111,8 @@ def assert_all_is_picked_into_bins_and_delivered(stage: Stage) -> None:
         ]
     )
     assert sum(one["metres"] for one in made) == pytest.approx(sum(of_each), abs=0.01 * bins)
-    assert len(made) == bins and all(
+    assert len(made) == bins
+    assert all(
         one["left"] and one["brought"] and one["fetched"] and one["unloaded"] for one in made
     )
 
@@ -210,11 +209,9 @@ def test_a_run_resumes_anywhere_to_the_same_hash(name):
                 start_afresh(again)
             again.tick()
         ended = again.snapshot()
-        assert (ended.digest, ended.memories, ended.letters) == (
-            meant.digest,
-            meant.memories,
-            meant.letters,
-        )
+        assert ended.digest == meant.digest
+        assert ended.memories == meant.memories
+        assert ended.letters == meant.letters
         assert again.engine.violations() == []
 
 
@@ -234,5 +231,6 @@ def test_the_summary_has_the_cost_of_drives_to_row_ends(metres_per_bin, bins, se
     """With four bins a row there are three more drives through 70 m, and three more turns."""
     stage = Stage(empty_orchard(pickers=3, metres_per_bin=metres_per_bin))
     told = stage.account.figures()
-    assert (told["bins"], told["row_end_seconds"]) == (bins, pytest.approx(seconds, abs=0.1))
+    assert told["bins"] == bins
+    assert told["row_end_seconds"] == pytest.approx(seconds, abs=0.1)
     assert (told["row_end_share"] > 0.3) == (seconds > 0.0)

@@ -177,7 +177,9 @@ def test_bundles_hold_each_picture_with_what_was_said(monkeypatch):
         "letters": [pack(message) for bundle in bundles for message in bundle.letters],
         "picture": [pack(message) for bundle in bundles for message in bundle.pictures],
     }
-    assert len(told["picture"]) == ticks and told["events"] and told["letters"]
+    assert len(told["picture"]) == ticks
+    assert told["events"]
+    assert told["letters"]
     assert all(len(bundle.pictures) <= 10 for bundle in bundles)
     assert [key for key, _ in sent if key in ("bundle", "end")][-2:] == ["bundle", "end"]
     bus = StandIn(Net(), "logger")
@@ -462,9 +464,11 @@ def test_what_is_left_out_leaves_its_news_to_the_next():
     pages.put(picture(3))
     (frame,) = written(pages).frames
     assert frame.charges == {"carrier_01": 0.5}
-    assert (frame.tick, frame.left_out) == (3, 2)
+    assert frame.tick == 3
+    assert frame.left_out == 2
     assert frame.doing == {"picker_01": "picking row 1", "bin_01": "full"}
-    assert frame.row_ends.tolist() == picked.tolist() and frame.alive == [False]
+    assert frame.row_ends.tolist() == picked.tolist()
+    assert frame.alive == [False]
 
 
 def test_ticks_that_never_came_are_a_gap():

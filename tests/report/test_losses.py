@@ -45,8 +45,10 @@ def test_batteries_and_the_bay_have_parts_of_their_own() -> None:
     layout = small(near, rows=8, carriers=1, carrying=battery, chargers=1)
     parts = lost(layout)
     assert DiscreteHarvest(layout).run().is_over
-    assert parts["load_out"] > 500.0 and parts["charging"] > 300.0
-    assert 0.0 <= parts["traffic"] < 60.0 and parts["dispatch"] < 60.0
+    assert parts["load_out"] > 500.0
+    assert parts["charging"] > 300.0
+    assert 0.0 <= parts["traffic"] < 60.0
+    assert parts["dispatch"] < 60.0
 
 
 def test_carriers_that_are_away_themselves_are_no_wait() -> None:

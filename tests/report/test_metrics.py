@@ -248,7 +248,8 @@ def test_no_schedule_is_shorter_than_what_is_proven():
         ),
         900.0,
     )
-    assert lost["dispatch"] == 0.0 and sum(lost.values()) == pytest.approx(900.0, abs=0.3)
+    assert lost["dispatch"] == 0.0
+    assert sum(lost.values()) == pytest.approx(900.0, abs=0.3)
 
 
 def test_what_batteries_cost_is_not_a_loss_to_the_policy():
@@ -257,12 +258,11 @@ def test_what_batteries_cost_is_not_a_loss_to_the_policy():
         for battery in ({"hours": 0.2}, {})
     )
     lost, without = (lost_seconds(lay_out(scenario), 3000.0) for scenario in (charged, endless))
-    assert max(lost["dispatch"], without["dispatch"]) < 60.0 and "charging" not in without
-    assert (
-        lost["charging"] > 300.0
-        and 0.0 <= lost["traffic"] < 60.0
-        and sum(lost.values()) == pytest.approx(3000.0, abs=0.3)
-    )
+    assert max(lost["dispatch"], without["dispatch"]) < 60.0
+    assert "charging" not in without
+    assert lost["charging"] > 300.0
+    assert 0.0 <= lost["traffic"] < 60.0
+    assert sum(lost.values()) == pytest.approx(3000.0, abs=0.3)
 
 
 def test_without_a_solver_the_parts_still_add_up(monkeypatch):
@@ -306,9 +306,8 @@ def test_the_course_of_a_harvest_ends_with_its_figures():
     summary = harvested(2, 1).account.summary()
     course = summary["history"]
     seconds = summary["sim_seconds"]
-    assert course["bins_delivered"][-1] == 4 and course["bins_delivered"] == sorted(
-        course["bins_delivered"]
-    )
+    assert course["bins_delivered"][-1] == 4
+    assert course["bins_delivered"] == sorted(course["bins_delivered"])
     assert course["seconds"] == [*(10.0 * n for n in range(1, len(course["seconds"]))), seconds]
     waited = summary["state_seconds"]["picker"]
     assert course["pickers_waited_seconds"][-1] == pytest.approx(

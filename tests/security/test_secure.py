@@ -383,7 +383,8 @@ def test_nobody_writes_what_is_anothers():
     assert not any("reset" in key for key in rules["emergency-operator ingress query"]), (
         "it stops and pauses"
     )
-    assert "eve ingress put" not in rules and "eve ingress liveliness_token" not in rules
+    assert "eve ingress put" not in rules
+    assert "eve ingress liveliness_token" not in rules
     assert (
         rules["ros2 ingress put"]
         == rules["operating ingress put"]

@@ -63,13 +63,12 @@ def test_advice_replaces_only_velocity_and_hold(x, turn):
     advised = Advised()
     advised.take(NAME, advice(3, x, turn), 3)
     (got,) = advised.actions(3, {NAME: action}, {}).values()
-    assert (got.twist, got.hold) == (Twist(x, 0.0, turn), None)
-    assert (got.deeds, got.doing, got.state, got.steps_done) == (
-        action.deeds,
-        "picking row 1",
-        "picking",
-        3,
-    )
+    assert got.twist == Twist(x, 0.0, turn)
+    assert got.hold is None
+    assert got.deeds == action.deeds
+    assert got.doing == "picking row 1"
+    assert got.state == "picking"
+    assert got.steps_done == 3
 
 
 def test_deeds_of_an_unasked_agent_are_not_done_again():
@@ -78,7 +77,8 @@ def test_deeds_of_an_unasked_agent_are_not_done_again():
     (got,) = advised.actions(
         3, {}, {NAME: Action(Twist(1.0), [Uncouple()], doing="leaving")}
     ).values()
-    assert (got.deeds, got.doing) == ([], "leaving")
+    assert got.deeds == []
+    assert got.doing == "leaving"
 
 
 @pytest.fixture
@@ -175,16 +175,12 @@ def test_a_harvest_with_outside_velocities_finishes():
     run = Run(SHORT, RUN, 20_000)
     outside = Outside(run)
     end = run.to_the_end()
-    assert (end.why, end.summary["rows_picked"], end.summary["bins_delivered"]) == (
-        "harvested",
-        3,
-        3,
-    )
-    assert (
-        end.summary["violations"],
-        end.summary["messages_refused"],
-        end.summary["collisions"],
-    ) == ([], {}, 0)
+    assert end.why == "harvested"
+    assert end.summary["rows_picked"] == 3
+    assert end.summary["bins_delivered"] == 3
+    assert end.summary["violations"] == []
+    assert end.summary["messages_refused"] == {}
+    assert end.summary["collisions"] == 0
     assert 0.4 < max(outside.speeds[:LETS_GO]) <= 0.5, (
         "it speeds up to half of what the agent wants"
     )
@@ -303,7 +299,8 @@ def test_a_refused_part_stops_this_robot_and_delays_no_other(fault, monkeypatch,
 
     monkeypatch.setattr(run.host.bus, "publish", publish)
     end = run.to_the_end()
-    assert (end.tick, end.why) == (FEW, "duration")
+    assert end.tick == FEW
+    assert end.why == "duration"
     assert not any(key.endswith("/lost") for key, _ in run.net.sent), (
         "physics never waited for it in vain"
     )

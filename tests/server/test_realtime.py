@@ -198,7 +198,8 @@ def test_who_answers_in_time_has_longer_than_who_was_late():
     one.open(2, lag=10.0)
     assert one.deadline == pytest.approx(clock.now + STEP / 2), "the clock does not wait"
     figures = one.figures()
-    assert (figures["ticks_late"], figures["velocities_missed"]) == (2, 2)
+    assert figures["ticks_late"] == 2
+    assert figures["velocities_missed"] == 2
 
 
 def test_the_robot_of_one_who_is_gone_stands_at_once():
@@ -311,9 +312,7 @@ def test_a_whole_harvest_in_realtime(fleet):
     fleet.share(2)
     fleet.end(10_000.0)
     summary = ends.get()["summary"]
-    assert (summary["finished"], summary["bins_delivered"], summary["mode"]) == (
-        True,
-        3,
-        "realtime",
-    )
+    assert summary["finished"]
+    assert summary["bins_delivered"] == 3
+    assert summary["mode"] == "realtime"
     assert {"ticks_late", "velocities_missed"} <= summary.keys()

@@ -166,7 +166,8 @@ def test_noise_stays_within_the_range():
         scan = noisy(noise=0.02, tick=tick)[0]
         assert np.isinf(scan[np.isinf(clean)]).all()
         assert np.isfinite(scan[clean < LASER_RANGE - 0.2]).all()
-        assert (scan[np.isfinite(scan)] <= LASER_RANGE).all() and (scan >= 0.0).all()
+        assert (scan[np.isfinite(scan)] <= LASER_RANGE).all()
+        assert (scan >= 0.0).all()
 
 
 def test_a_range_beyond_ten_metres_is_no_return():
@@ -182,7 +183,8 @@ def test_a_range_beyond_ten_metres_is_no_return():
         for seed in range(20)
     ]
     ahead = np.array([scan[88:92] for scan in scans])
-    assert np.isinf(ahead).any() and np.isfinite(ahead).any()
+    assert np.isinf(ahead).any()
+    assert np.isfinite(ahead).any()
     assert not (ahead == LASER_RANGE).any()
 
 
@@ -195,15 +197,17 @@ def test_everybody_is_told_its_place_and_its_hitch():
     picker = seen["picker_01"]
     bin_ = seen["bin_02"]
     assert picker.pose == pytest.approx(told.pose("picker_01"), abs=1e-15)
-    assert (picker.tick, picker.twist, picker.full) == (1, (0.3, 0.0, 0.0), False)
-    assert picker.hitch.name == "bin_02" and picker.hitch.scan.tobytes() == scans[1].tobytes()
+    assert picker.tick == 1
+    assert picker.twist == (0.3, 0.0, 0.0)
+    assert not picker.full
+    assert picker.hitch.name == "bin_02"
+    assert picker.hitch.scan.tobytes() == scans[1].tobytes()
     assert picker.scan.tobytes() == scans[0].tobytes()
     assert picker.hitch.pose == pytest.approx(told.pose("bin_02"), abs=1e-15)
-    assert (
-        bin_.hitch.name == "picker_01"
-        and bin_.hitch.scan is None
-        and bin_.hitch.twist == (0.3, 0.0, 0.0)
-    )
-    assert (bin_.fill, bin_.full) == (70.0, True)
+    assert bin_.hitch.name == "picker_01"
+    assert bin_.hitch.scan is None
+    assert bin_.hitch.twist == (0.3, 0.0, 0.0)
+    assert bin_.fill == 70.0
+    assert bin_.full
     told.world.coupled[:] = NONE
     assert observe(told.world, scans)["picker_01"].hitch is None

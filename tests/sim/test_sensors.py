@@ -158,7 +158,8 @@ def test_odometry_drifts_by_its_constants():
     for _ in range(500):
         sensors.advance()
     x, y, yaw = (world.reckoned[i] - start).tolist()
-    assert ahead != 1.0 and bend != 0.0
+    assert ahead != 1.0
+    assert bend != 0.0
     assert yaw == pytest.approx(50.0 * bend)
     assert (x, y) == pytest.approx(
         (ahead / bend * math.sin(yaw), ahead / bend * (1 - math.cos(yaw))), rel=1e-3
@@ -187,7 +188,8 @@ def test_errors_are_the_same_without_holds_and_after_a_resume(caplog):
     wanted = local_hash(scenario, 200)
     before = played(Local(scenario, holds=IgnoredHolds), 133)
     assert played(Local.resume(before.snapshot(), holds=IgnoredHolds), 200).engine.hash == wanted
-    assert local_hash(scenario, 200, holds=CheckedHolds) == wanted and not caplog.records
+    assert local_hash(scenario, 200, holds=CheckedHolds) == wanted
+    assert not caplog.records
     assert local_hash(with_changes(scenario, seed=2), 200) != wanted
 
 
@@ -210,7 +212,8 @@ def test_the_wire_has_the_measured_pose_and_the_truth():
         ]
         assert heard[30] == odometry_of("run1", view["picker_01"])
     xs = {what: view["picker_01"].x for what, view in views.items()}
-    assert len(set(xs.values())) == 3 and max(xs.values()) - min(xs.values()) < 0.5
+    assert len(set(xs.values())) == 3
+    assert max(xs.values()) - min(xs.values()) < 0.5
     pictures = [
         read(payload, TickStateMessage)
         for key, payload in run.net.sent
@@ -253,7 +256,8 @@ def finishes(scenario: Scenario) -> None:
     local = Local(scenario)
     while not local.engine.over and local.engine.tick < 6_000 * scenario.rows:
         local.tick()
-    assert local.engine.over and local.engine.violations() == []
+    assert local.engine.over
+    assert local.engine.violations() == []
     assert collisions(local.engine.world) == 0
 
 

@@ -106,7 +106,8 @@ def test_the_first_snapshot_of_another_run_takes_over(written):
     other = local_at(12).snapshot()
     other.run = "other"
     store(*as_file(other), written, "other")
-    assert newest(written, []).run == "other" and len(list(written.glob("tick-*"))) == 1
+    assert newest(written, []).run == "other"
+    assert len(list(written.glob("tick-*"))) == 1
 
 
 def test_files_of_a_user_beside_snapshots_stay(written):

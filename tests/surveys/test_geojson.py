@@ -148,7 +148,8 @@ def test_a_system_that_counts_south_mirrors_no_rows(crs: str, file: Path):
     ]
     file.write_text(json.dumps({"features": features}))
     survey = import_rows(file, crs).survey
-    assert survey.origin.crs == utm and survey.origin.yaw == pytest.approx(0.3, abs=1e-5)
+    assert survey.origin.crs == utm
+    assert survey.origin.yaw == pytest.approx(0.3, abs=1e-5)
     for row, wanted in zip(survey.rows, UNEQUAL, strict=True):
         assert (row.south, row.start, row.length) == pytest.approx(wanted, abs=0.03)
 

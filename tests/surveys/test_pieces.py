@@ -20,7 +20,9 @@ def test_the_parts_of_a_line_are_one_row_and_its_gap_is_told(tmp_path):
     )
     imported = import_survey(write_features(tmp_path / "a.geojson", features))
     second = imported.scenario.survey.rows[1]
-    assert (second.id, second.start, second.length) == ("r2", 0.0, pytest.approx(60.0, abs=0.01))
+    assert second.id == "r2"
+    assert second.start == 0.0
+    assert second.length == pytest.approx(60.0, abs=0.01)
     assert "joined from pieces in one line: r2 (2 pieces)" in imported.notes
     gap = "1 row has a gap wider than 6 m, up to 20.00 m (row r2). Here rows have no gaps: 20 of"
     assert any(note.startswith(f"{gap} 300 m (7 %)") for note in imported.notes)

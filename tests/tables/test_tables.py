@@ -169,7 +169,8 @@ def test_a_body_that_is_not_blocked_drives_as_it_wanted(whole):
         for before in ("cmd_", "")
     )
     moved = (done != 0.0).any(axis=0)
-    assert moved.any() and (wanted != 0.0).any()
+    assert moved.any()
+    assert (wanted != 0.0).any()
     assert (wanted[:, moved] == done[:, moved]).all()
 
 
@@ -215,7 +216,8 @@ def test_each_call_is_followed_from_message_to_carrier(whole):
     found = [row for row in rows_of(whole.folder, "calls") if row["fetched"] is not None]
     assert found
     for row in found:
-        assert row["called"] < row["sent"] < row["agreed"] < row["fetched"] and row["asked"] >= 1
+        assert row["called"] < row["sent"] < row["agreed"] < row["fetched"]
+        assert row["asked"] >= 1
 
 
 def test_each_column_has_its_unit_in_the_file(whole):
@@ -284,7 +286,8 @@ def test_a_file_torn_by_a_kill_goes(tmp_path, undisturbed):
     tables.flush()
     assert len(pq.read_table(tmp_path / "bodies.parquet")) == 40 * len(local.engine.layout.names)
     run(Local.resume(local.snapshot()), tmp_path, TICKS).close()
-    assert read(tmp_path) == undisturbed and not torn.exists()
+    assert read(tmp_path) == undisturbed
+    assert not torn.exists()
 
 
 @settings(max_examples=25)  # each waits for the disk

@@ -53,7 +53,8 @@ def test_no_number_of_a_row_covers_another(rows: int, numbered: int, tmp_path: P
         recording_of(tmp_path / "rows.rrd", layout, [Frame(0, starts(layout))]), "/plan/rows"
     ).static
     places = np.array(shown["Points3D:positions"])[:, 1]
-    assert (len(places), shown["Points3D:labels"][0]) == (numbered, "1")
+    assert len(places) == numbered
+    assert shown["Points3D:labels"][0] == "1"
     assert min(-np.diff(places)) > 22.0 * points_to_metres(layout)
 
 
@@ -85,7 +86,8 @@ def test_the_camera_glides_near_and_cuts_far(robot, glides, layout) -> None:
     ]
     begun = round(DWELL * 10) - 1
     assert far[:begun] == [far[0]] * begun
-    assert far[begun:] == sorted(far[begun:], reverse=True) and far[-1] < 0.5
+    assert far[begun:] == sorted(far[begun:], reverse=True)
+    assert far[-1] < 0.5
     assert (max(-np.diff(far)) < 0.05 * far[0]) == glides
 
 
@@ -105,7 +107,8 @@ def test_the_camera_is_near_a_robot_at_any_time(layout: Layout, recording: Path)
 @pytest.mark.parametrize("rows", [5, 20])
 def test_a_page_gets_spaces_and_the_plan_alone_work_first(rows: int) -> None:
     spaces, plan = for_page(lay_out(Scenario(rows=rows))).root_container.contents
-    assert (spaces.contents[0].name, plan.name) == ("At work", "Plan")
+    assert spaces.contents[0].name == "At work"
+    assert plan.name == "Plan"
 
 
 def test_events_read_like_sentences() -> None:
@@ -117,7 +120,9 @@ def test_events_read_like_sentences() -> None:
         line_of(Event(0, "row picked", "picker_01", "", "row picked: 3"))
         == "picker_01: row picked: 3"
     )
-    assert (level_of("claim"), level_of("call"), level_of("collision")) == ("DEBUG", "INFO", "WARN")
+    assert level_of("claim") == "DEBUG"
+    assert level_of("call") == "INFO"
+    assert level_of("collision") == "WARN"
 
 
 def test_many_questions_and_answers_are_one_line_each() -> None:
@@ -148,11 +153,9 @@ def test_questions_of_safety_do_not_crowd_out_the_harvest() -> None:
     assert {
         level_of(what) for what in ("Call", "Offer", "Come", "Here", "row picked", "unloaded")
     } == {"INFO"}
-    assert (level_of("stopped"), level_of("nothing recorded"), level_of("lost")) == (
-        "WARN",
-        "WARN",
-        "ERROR",
-    )
+    assert level_of("stopped") == "WARN"
+    assert level_of("nothing recorded") == "WARN"
+    assert level_of("lost") == "ERROR"
 
 
 HATS = {"worker": 0.2}  # m above the height of the kind

@@ -87,7 +87,8 @@ def test_layers_are_separate_and_time_is_physics_time(recording: Path) -> None:
     assert {chunk.entity_path.split("/")[1] for chunk in logged} - {""} == LAYERS
     assert {name for chunk in logged for name in chunk.timeline_names} == {"sim_time"}
     times = [t for t, _ in Rows(recording, "/tf").rows]
-    assert (min(times), max(times)) == (0.0, SECONDS)
+    assert min(times) == 0.0
+    assert max(times) == SECONDS
 
 
 def test_every_body_has_a_shape_in_a_frame_of_its_own(layout: Layout, recording: Path) -> None:
@@ -148,7 +149,8 @@ def test_a_row_turns_pale_as_it_is_picked_and_its_fruit_goes(recording: Path) ->
     painted = Rows(recording, "/world/rows/row_01").values("Mesh3D:vertex_colors")
     fruit = Rows(recording, "/canopy/fruit/row_01").values("Points3D:positions")
     assert len(painted) == 36  # at the beginning, and every 2 m of 70
-    assert len(set(painted[0][1])) == 1 and len(set(painted[10][1])) == 2
+    assert len(set(painted[0][1])) == 1
+    assert len(set(painted[10][1])) == 2
     assert painted[10][1][0] != painted[0][1][0]  # from the west
     assert [len(points) for _, points in fruit] == sorted(
         (len(points) for _, points in fruit), reverse=True
@@ -185,7 +187,8 @@ def test_a_bin_fills_and_its_bar_comes_and_goes(layout: Layout, tmp_path: Path) 
         pose[0][2]
         for _, pose in Rows(path, "/world/bins/bin_01/fruit").values("InstancePoses3D:translations")
     ]
-    assert heights == sorted(heights) and len(heights) == 3
+    assert heights == sorted(heights)
+    assert len(heights) == 3
     flags = [
         scale[0][0]
         for _, scale in Rows(path, "/world/bins/bin_01/full").values("InstancePoses3D:scales")
@@ -265,9 +268,8 @@ def test_surveyed_rows_and_their_trees_are_drawn_where_they_are(
     painted = [
         Rows(path, f"/world/rows/row_0{n}").values("Mesh3D:vertex_colors")[0][1] for n in (1, 2, 3)
     ]
-    assert [len(set(colours)) for colours in painted] == [1, 2, 1] and painted[0][0] != painted[2][
-        0
-    ]
+    assert [len(set(colours)) for colours in painted] == [1, 2, 1]
+    assert painted[0][0] != painted[2][0]
 
 
 def test_charging_lines_have_a_colour_of_their_own() -> None:
@@ -293,7 +295,8 @@ def test_the_conversation_is_logged_and_drawn(recording: Path) -> None:
     told = [(t, text[0]) for t, text in Rows(recording, "/events").values("TextLog:text")]
     assert (70.7, "bin_01 > carrier_01: come, row 1, east end") in told
     drawn = [(t, len(lines)) for t, lines in Rows(recording, "/talk").values("LineStrips3D:strips")]
-    assert drawn[0] == (70.5, 2) and max(lines for _, lines in drawn) > 4
+    assert drawn[0] == (70.5, 2)
+    assert max(lines for _, lines in drawn) > 4
     assert drawn[-1][1] == 0  # and gone again
 
 

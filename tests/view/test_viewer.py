@@ -137,7 +137,8 @@ def test_without_a_screen_a_browser_is_offered_at_once(stand_in, monkeypatch, tm
     recording = tmp_path / "run.rrd"
     recording.write_bytes(HEAD)
     done = orchard(*words, recording, code=2)
-    assert "no screen" in done.stderr and "--web 9090" in done.stderr
+    assert "no screen" in done.stderr
+    assert "--web 9090" in done.stderr
     assert not stand_in.with_name("words.json").exists(), "nothing was opened"
 
 

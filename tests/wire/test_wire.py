@@ -164,12 +164,12 @@ def test_pose_and_scan_of_one_robot_say_the_same(observation):
     scan = msgpack.unpackb(pack(scan_of(RUN, observation, KINDS["picker"].laser, AROUND)))
     position = pose["pose"]["position"]
     orientation = pose["pose"]["orientation"]
-    assert (position["x"], position["y"], position["z"]) == (observation.x, observation.y, 0.0)
+    assert position["x"] == observation.x
+    assert position["y"] == observation.y
+    assert position["z"] == 0.0
     assert (orientation["z"], orientation["w"]) == observation.orientation
-    assert (pose["twist"]["linear"]["x"], pose["accuracy"]) == (
-        observation.twist.x,
-        observation.accuracy,
-    )
+    assert pose["twist"]["linear"]["x"] == observation.twist.x
+    assert pose["accuracy"] == observation.accuracy
     assert scan["ranges"] == observation.scan.tobytes()
     assert (pose["hitch"] is None) == (observation.hitch is None)
     if observation.hitch is not None:
@@ -191,13 +191,13 @@ def test_an_action_arrives_to_the_last_bit(twist, deeds, mail, memory):
     arrived = read(pack(sent), wire.Velocities)
     assert arrived == sent
     report = arrived.velocities["picker_01"]
-    assert (report.twist, report.deeds, report.doing, report.waits_for) == (
-        twist,
-        deeds,
-        "picking row 1",
-        "bin_01",
-    )
-    assert (report.steps_done, report.mail, report.memory) == (7, mail, memory)
+    assert report.twist == twist
+    assert report.deeds == deeds
+    assert report.doing == "picking row 1"
+    assert report.waits_for == "bin_01"
+    assert report.steps_done == 7
+    assert report.mail == mail
+    assert report.memory == memory
 
 
 @pytest.mark.parametrize("body", [Call(3, "east", 7), Offer(1.0, 2.0, 3.5)])
@@ -329,12 +329,19 @@ def test_a_kind_of_body_tells_how_it_drives_and_sees():
     told = orchard_of(RUN, 0, layout).kinds["picker"]
     machine = layout.machines["picker"]
     assert machine.speed != machine.turn
-    assert (told.max_linear, told.max_angular) == (machine.speed, machine.turn)
-    assert (told.length, told.width, told.height) == (kind.length, kind.width, kind.height)
-    assert (told.tows, told.solid, told.robot) == (kind.tows, kind.solid, kind.robot)
+    assert told.max_linear == machine.speed
+    assert told.max_angular == machine.turn
+    assert told.length == kind.length
+    assert told.width == kind.width
+    assert told.height == kind.height
+    assert told.tows == kind.tows
+    assert told.solid == kind.solid
+    assert told.robot == kind.robot
     laser = told.laser
-    assert (laser.x, laser.beams) == (kind.laser.ahead, kind.laser.beams)
-    assert (laser.angle_min, laser.angle_increment) == (kind.laser.first, kind.laser.increment)
+    assert laser.x == kind.laser.ahead
+    assert laser.beams == kind.laser.beams
+    assert laser.angle_min == kind.laser.first
+    assert laser.angle_increment == kind.laser.increment
 
 
 @settings(max_examples=1)

@@ -82,12 +82,12 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("typed", "field", "told"), WRONG)
-def test_a_wrong_day_is_told_at_its_field(day, typed, field, told):
+@pytest.mark.parametrize(("typed", "field", "words"), WRONG)
+def test_a_wrong_day_is_told_at_its_field(day, typed, field, words):
     day.enter(typed)
     assert day.scenario is None
     assert field in day.problems, "the field where it can be mended"
-    assert told in day.problems[field]
+    assert words in day.problems[field]
 
 
 def test_a_price_of_a_day_asks_for_a_day(draft):
@@ -123,9 +123,9 @@ WRONG_DEADLINES = [
 ]
 
 
-@pytest.mark.parametrize(("entered", "told"), WRONG_DEADLINES)
-def test_a_wrong_question_is_told_before_it_is_asked(entered, told):
-    assert told in StudySettings(**entered).problem
+@pytest.mark.parametrize(("entered", "words"), WRONG_DEADLINES)
+def test_a_wrong_question_is_told_before_it_is_asked(entered, words):
+    assert words in StudySettings(**entered).problem
 
 
 def test_days_need_a_day(day):

@@ -205,17 +205,17 @@ def test_a_torn_recording_gives_the_bag_of_what_is_left(recorded, tmp_path, capf
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "words"),
     [
         (b"RRF2 and nothing more", "it cannot be read"),
         (b"no recording", "it cannot be read"),
         (None, "no such recording"),
     ],
 )
-def test_what_is_no_recording_is_told(tmp_path, content, told):
+def test_what_is_no_recording_is_told(tmp_path, content, words):
     if content is not None:
         (tmp_path / "run.rrd").write_bytes(content)
-    with pytest.raises(RecordingError, match=f"run.rrd: {told}"):
+    with pytest.raises(RecordingError, match=f"run.rrd: {words}"):
         read_drives(tmp_path / "run.rrd")
 
 

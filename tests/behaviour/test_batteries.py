@@ -213,11 +213,11 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("changes", "told"), REFUSED)
-def test_what_batteries_need_is_told(changes, told):
+@pytest.mark.parametrize(("changes", "words"), REFUSED)
+def test_what_batteries_need_is_told(changes, words):
     with pytest.raises(ScenarioError) as error:
         check({**charging().model_dump(), **changes})
-    assert told in str(error.value)
+    assert words in str(error.value)
 
 
 def test_each_line_has_a_charging_line_with_as_many_places():

@@ -45,17 +45,17 @@ def test_the_documented_command_gives_a_tested_rate(folder):
     (line,) = commands(block("docs/how-to.md", "calibrate"))
     # After Python and run.py.
     words = line[2:]
-    told = orchard(*words, folder=folder).stdout
-    assert "36 bins of 2 days" in told
-    assert "2000-01-02, which the fit did not see:" in told
+    out = orchard(*words, folder=folder).stdout
+    assert "36 bins of 2 days" in out
+    assert "2000-01-02, which the fit did not see:" in out
     scenario = load(folder / "mine.yaml")
     assert scenario.picking_rate == pytest.approx(4.0, rel=0.2)
     assert scenario.rows == 6
     assert scenario.pickers == 3
     assert scenario.carriers == 2
-    assert f"{scenario.picking_rate:.3g}" in told
+    assert f"{scenario.picking_rate:.3g}" in out
     # A scenario of this command may be replaced, and no other file.
-    assert orchard(*words, folder=folder).stdout == told
+    assert orchard(*words, folder=folder).stdout == out
     text = (folder / "rent.yaml").read_text()
     refused = orchard(*words[:2], "--out", "rent.yaml", folder=folder, code=2).stderr
     assert "is not a scenario of `orchard calibrate` that the Orchard has written" in refused
@@ -75,8 +75,8 @@ def test_a_wrong_log_is_told_and_nothing_is_written(folder, tmp_path):
 def test_a_missing_log_and_a_wrong_confidence_are_told(tmp_path):
     log = tmp_path / "none.csv"
     assert orchard("calibrate", log, code=2).stderr == f"{log}: No such file or directory\n"
-    told = orchard("calibrate", log, "--confidence", "2", code=2).stderr
-    assert "2: expected a share from 0.5 to 0.999, such as 0.95 or 95%" in told
+    err = orchard("calibrate", log, "--confidence", "2", code=2).stderr
+    assert "2: expected a share from 0.5 to 0.999, such as 0.95 or 95%" in err
 
 
 def paused(text: str, hours: int, picker: str = "") -> str:
@@ -106,6 +106,6 @@ def test_a_break_of_the_scenarios_shift_is_no_working_time(folder, tmp_path):
 def test_a_bin_that_took_far_too_long_is_named(folder, tmp_path):
     log = tmp_path / "log.csv"
     log.write_text(paused((folder / "log.csv").read_text(), 1, "picker_01"))
-    told = orchard("calibrate", log).stdout
-    assert "of picker_01 took" in told
-    assert "a break, or lines are missing; it is left out" in told
+    out = orchard("calibrate", log).stdout
+    assert "of picker_01 took" in out
+    assert "a break, or lines are missing; it is left out" in out

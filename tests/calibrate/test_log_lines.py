@@ -75,7 +75,7 @@ def test_breaks_are_no_working_time(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("line", "text", "told"),
+    ("line", "text", "words"),
     [
         (
             3,
@@ -129,8 +129,8 @@ def test_breaks_are_no_working_time(tmp_path):
         ),
     ],
 )
-def test_a_wrong_line_is_told_with_its_number(tmp_path, line, text, told):
-    assert told in faults(tmp_path, changed(line, text))
+def test_a_wrong_line_is_told_with_its_number(tmp_path, line, text, words):
+    assert words in faults(tmp_path, changed(line, text))
 
 
 def test_all_wrong_lines_are_told_at_once(tmp_path):

@@ -64,20 +64,20 @@ TABLE = ("harvest", "--mode", "local", "--duration", 1, "--record", "none", "--t
 
 
 @pytest.mark.parametrize(
-    ("missing", "told"),
+    ("missing", "words"),
     [
         ("pyarrow", "--table needs the package pyarrow: pip install 'orchard-sim[tables]'"),
         ("orchard.tables", "--table: this installation lacks orchard.tables"),
     ],
 )
-def test_tables_without_what_writes_them_are_refused(missing, told, monkeypatch, tmp_path, capfd):
+def test_tables_without_what_writes_them_are_refused(missing, words, monkeypatch, tmp_path, capfd):
     monkeypatch.chdir(tmp_path)
     for name in list(sys.modules):
         if name.startswith("orchard.tables"):
             monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, missing, None)
     assert called(*TABLE).exit_code == 2
-    assert told in capfd.readouterr().err
+    assert words in capfd.readouterr().err
     assert not (tmp_path / "tables").exists()
 
 

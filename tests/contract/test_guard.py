@@ -267,8 +267,8 @@ TOO_MUCH = [
 ]
 
 
-@pytest.mark.parametrize(("slip", "said"), TOO_MUCH)
-def test_what_is_too_much_is_told_with_limit_and_figure(slip, said, caplog):
+@pytest.mark.parametrize(("slip", "words"), TOO_MUCH)
+def test_what_is_too_much_is_told_with_limit_and_figure(slip, words, caplog):
     _, action = of_the_guard(slip and Action(**{"twist": Twist(x=1.0)} | slip))
     assert action.state == "broken"
     assert action.twist.x == 0.0
@@ -276,7 +276,7 @@ def test_what_is_too_much_is_told_with_limit_and_figure(slip, said, caplog):
     assert len(caplog.text) < 3000, "not the whole of it"
     (record,) = caplog.records
     assert record.getMessage().startswith("picker_01 raised an error at tick 7; it stands.")
-    assert re.search(said, record.getMessage())
+    assert re.search(words, record.getMessage())
 
 
 class Unheard(BaseException):
@@ -358,13 +358,13 @@ GOING_WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("action", "said"), GOING_WRONG)
-def test_a_built_in_agent_gone_wrong_stands_and_keeps_memory(action, said, caplog):
+@pytest.mark.parametrize(("action", "words"), GOING_WRONG)
+def test_a_built_in_agent_gone_wrong_stands_and_keeps_memory(action, words, caplog):
     guard = Guard("picker_01", Doing(action), NAMES, trusted=True)
     action = guard.tick(without_body("picker_01", 7), Mail(), {"a": 1})
     assert action.state == "broken"
     assert action.memory == {"a": 1}
-    assert re.search(said, caplog.text)
+    assert re.search(words, caplog.text)
 
 
 class NearestOfMine(Nearest):

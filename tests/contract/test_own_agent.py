@@ -69,8 +69,8 @@ def test_a_client_before_the_run_asks_until_it_answers(fleet):
         silent.undeclare()
         fleet.physics(SMALL, "--duration", "4", "--connect", endpoint)
         fleet.host("--without", "picker_01")
-        said, errors = client.communicate(timeout=PATIENCE)
-    assert said == "40 ticks answered\n"
+        out, errors = client.communicate(timeout=PATIENCE)
+    assert out == "40 ticks answered\n"
     assert errors == ""
     fleet.end()
 
@@ -235,11 +235,11 @@ MISTAKES = [
 ]
 
 
-@pytest.mark.parametrize(("class_", "said"), MISTAKES)
-def test_a_mistake_is_told_with_its_place_and_others_go_on(class_, said, caplog):
+@pytest.mark.parametrize(("class_", "words"), MISTAKES)
+def test_a_mistake_is_told_with_its_place_and_others_go_on(class_, words, caplog):
     local = played(SMALL.model_copy(update={"agents": {"picker_01": class_}}), 10)
     (record,) = [record for record in caplog.records if "picker_01" in record.getMessage()]
-    assert re.search(said, record.getMessage())
+    assert re.search(words, record.getMessage())
     assert local.actions["picker_01"].doing == "broken"
     assert local.engine.observe()["picker_01"].twist.x == 0.0
     assert local.actions["picker_02"].doing != "broken"

@@ -134,10 +134,10 @@ def test_all_metadata_name_the_version():
 
 
 def test_the_quick_part_of_the_suite_is_there():
-    said = subprocess.run(
+    out = subprocess.run(
         ["make", "--dry-run", "quick"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout
-    assert [path for path in re.findall(r"tests/\S+", said) if not (ROOT / path).exists()] == []
+    assert [path for path in re.findall(r"tests/\S+", out) if not (ROOT / path).exists()] == []
 
 
 VULNERABLE = '{"dependencies": [{"name": "pycrypto", "vulns": [{"id": "CVE-1"}]}]}'

@@ -36,9 +36,9 @@ def test_the_fast_model_stands_beside_the_simulator():
 
 def test_a_warm_up_and_what_the_limit_explains_are_told():
     said = printed("examples/run_statistics.py", "--seeds", "4", "3/2/2:two-way:predictive:0.05")
-    told = re.search(r"MSER-5 leaves out (\d+) % on average.* explains (\d+\.\d) %", said)
-    assert int(told[1]) <= 50
-    assert float(told[2]) > 90.0, "pickers limit, and each seed draws how fast rows are"
+    match = re.search(r"MSER-5 leaves out (\d+) % on average.* explains (\d+\.\d) %", said)
+    assert int(match[1]) <= 50
+    assert float(match[2]) > 90.0, "pickers limit, and each seed draws how fast rows are"
 
 
 def test_intervals_stand_beside_the_truth():

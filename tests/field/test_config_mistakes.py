@@ -429,16 +429,16 @@ BUILT_DIRECTLY = [
 ]
 
 
-@pytest.mark.parametrize(("section", "values", "told"), BUILT_DIRECTLY)
+@pytest.mark.parametrize(("section", "values", "message"), BUILT_DIRECTLY)
 def test_a_section_that_is_built_directly_tells_its_mistakes(
-    section: type[Section], values: dict[str, Any], told: list[str]
+    section: type[Section], values: dict[str, Any], message: list[str]
 ) -> None:
     """It raises the error of `load`, `check` and `with_changes`, with the same words."""
     with pytest.raises(ScenarioError) as raised:
         section(**values)
     problems = raised.value.problems
-    assert len(problems) == len(told)
-    for problem, words in zip(problems, told, strict=True):
+    assert len(problems) == len(message)
+    for problem, words in zip(problems, message, strict=True):
         assert str(problem).startswith(f"{section.__name__}: {words}")
 
 

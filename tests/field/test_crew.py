@@ -96,11 +96,11 @@ MISTAKES = [
 ]
 
 
-@pytest.mark.parametrize(("text", "told"), MISTAKES)
-def test_a_crew_that_cannot_be_is_told(text: str, told: str) -> None:
+@pytest.mark.parametrize(("text", "words"), MISTAKES)
+def test_a_crew_that_cannot_be_is_told(text: str, words: str) -> None:
     with pytest.raises(ScenarioError) as error:
         parse(text, "my.yaml")
-    assert told in str(error.value)
+    assert words in str(error.value)
     assert str(error.value).startswith("my.yaml")
 
 

@@ -210,9 +210,9 @@ NO_PICKING = [
 ]
 
 
-@pytest.mark.parametrize(("text", "told"), NO_PICKING)
-def test_what_picking_cannot_be_is_told(text: str, told: str) -> None:
-    assert told in refusal(text)
+@pytest.mark.parametrize(("text", "words"), NO_PICKING)
+def test_what_picking_cannot_be_is_told(text: str, words: str) -> None:
+    assert words in refusal(text)
 
 
 def test_times_between_failures_and_of_repairs_are_exponential() -> None:

@@ -95,11 +95,11 @@ def test_ctrl_c_held_back_before_the_start_is_heard():
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
     try:
-        said, _ = process.communicate(timeout=PATIENCE)
+        out, _ = process.communicate(timeout=PATIENCE)
     finally:
         process.kill()
     assert process.returncode == -signal.SIGINT
-    assert said == ""
+    assert out == ""
 
 
 @pytest.mark.parametrize("command", [("run.py", "app"), ("-m", "orchard", "app")])

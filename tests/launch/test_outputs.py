@@ -54,9 +54,9 @@ READ_ONLY = [
 ]
 
 
-@pytest.mark.parametrize(("name", "fault", "told"), READ_ONLY)
+@pytest.mark.parametrize(("name", "fault", "words"), READ_ONLY)
 def test_a_read_only_folder_is_told_with_the_way_out(
-    name, fault, told, tmp_path, monkeypatch, capsys
+    name, fault, words, tmp_path, monkeypatch, capsys
 ):
 
     def refuse(path, *_, **__):
@@ -68,7 +68,7 @@ def test_a_read_only_folder_is_told_with_the_way_out(
         RunFolder(tmp_path).recording(str(tmp_path / name))
     assert (
         capsys.readouterr().err
-        == f"{tmp_path}/{told}; --record FILE.rrd records elsewhere, --record none not at all\n"
+        == f"{tmp_path}/{words}; --record FILE.rrd records elsewhere, --record none not at all\n"
     )
 
 
@@ -103,12 +103,12 @@ def test_a_run_that_is_refused_leaves_what_was_there(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "told"), [("notes.txt", "ends in .rrd"), ("notes.rrd", "this file is no recording")]
+    ("name", "words"), [("notes.txt", "ends in .rrd"), ("notes.rrd", "this file is no recording")]
 )
-def test_a_recording_replaces_no_file_that_is_none(name, told, tmp_path):
+def test_a_recording_replaces_no_file_that_is_none(name, words, tmp_path):
     notes = tmp_path / name
     notes.write_text("a year's work")
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=words):
         RunFolder(tmp_path).recording(str(notes))
     assert notes.read_text() == "a year's work"
 

@@ -35,9 +35,9 @@ NOTES = [
 ]
 
 
-@pytest.mark.parametrize(("options", "told"), NOTES)
-def test_what_is_ignored_and_what_is_chosen_is_told(options, told):
-    assert HarvestOptions(**options).notes() == told
+@pytest.mark.parametrize(("options", "words"), NOTES)
+def test_what_is_ignored_and_what_is_chosen_is_told(options, words):
+    assert HarvestOptions(**options).notes() == words
 
 
 SPEEDS = [
@@ -54,10 +54,10 @@ SPEEDS = [
 ]
 
 
-@pytest.mark.parametrize(("speed", "before", "wall_seconds", "told"), SPEEDS)
-def test_a_speed_that_was_not_kept_is_told(speed, before, wall_seconds, told):
+@pytest.mark.parametrize(("speed", "before", "wall_seconds", "words"), SPEEDS)
+def test_a_speed_that_was_not_kept_is_told(speed, before, wall_seconds, words):
     request = RunRequest(HarvestOptions(speed=speed), Scenario(), None, Path(), before)
-    assert speed_not_kept(request, harvested(wall_seconds=wall_seconds)) == told
+    assert speed_not_kept(request, harvested(wall_seconds=wall_seconds)) == words
 
 
 def printed(options: HarvestOptions, capsys, monkeypatch) -> list[str]:

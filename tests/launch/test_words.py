@@ -221,9 +221,9 @@ MISTAKES = [
 ]
 
 
-@pytest.mark.parametrize(("arguments", "told"), MISTAKES)
+@pytest.mark.parametrize(("arguments", "message"), MISTAKES)
 def test_a_mistake_is_told_once_with_what_would_be_right(
-    arguments, told, tmp_path, monkeypatch, capfd
+    arguments, message, tmp_path, monkeypatch, capfd
 ):
     monkeypatch.chdir(tmp_path)
     for name, text in FILES.items():
@@ -233,7 +233,7 @@ def test_a_mistake_is_told_once_with_what_would_be_right(
         monkeypatch,
         capfd,
     )
-    assert (code, words.count(told)) == (2, 1), words
+    assert (code, words.count(message)) == (2, 1), words
     assert [raw for raw in RAW if raw in words] == []
 
 
@@ -299,7 +299,7 @@ def test_a_full_disk_is_told_and_leaves_no_empty_file(tmp_path, monkeypatch, cap
 
 
 @pytest.mark.parametrize(
-    ("before", "variable", "arguments", "code", "told"),
+    ("before", "variable", "arguments", "code", "words"),
     [
         ([], {"COLUMNS": "0"}, ["--help"], 0, "Usage: run.py"),
         ([], {"NUMBA_DISABLE_JIT": "1"}, SHORT, 0, "Ended by --duration"),
@@ -313,13 +313,13 @@ def test_a_full_disk_is_told_and_leaves_no_empty_file(tmp_path, monkeypatch, cap
     ],
     ids=["no width", "no compiler", "no loopback"],
 )
-def test_a_strange_place_ends_in_words_at_once(before, variable, arguments, code, told, tmp_path):
+def test_a_strange_place_ends_in_words_at_once(before, variable, arguments, code, words, tmp_path):
     if before and subprocess.run([*before, "true"], capture_output=True).returncode:
         pytest.skip("this machine makes no network namespaces")
     there = os.environ | {"ORCHARD_RUNS": str(tmp_path)} | variable
     command = [*before, sys.executable, str(ROOT / "run.py"), *arguments]
     done = subprocess.run(command, env=there, capture_output=True, text=True, timeout=PATIENCE)
-    assert (done.returncode, told in done.stdout + done.stderr) == (code, True), (
+    assert (done.returncode, words in done.stdout + done.stderr) == (code, True), (
         done.stdout + done.stderr
     )
     assert "Traceback" not in done.stderr

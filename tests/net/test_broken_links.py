@@ -83,11 +83,11 @@ LEAVINGS = [
 ]
 
 
-@pytest.mark.parametrize(("items", "until", "told"), LEAVINGS)
-def test_physics_waits_for_sessions_and_tells_the_end_again(items, until, told):
+@pytest.mark.parametrize(("items", "until", "words"), LEAVINGS)
+def test_physics_waits_for_sessions_and_tells_the_end_again(items, until, words):
     bus = waited(items, LEAVE_SECONDS)
     assert bus.now == pytest.approx(until)
-    assert bus.told == told or (told is None and len(bus.told) >= 8)
+    assert bus.told == words or (words is None and len(bus.told) >= 8)
 
 
 @pytest.mark.parametrize(

@@ -71,11 +71,11 @@ MISTAKES = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "words", "told"), MISTAKES)
-def test_a_wrong_command_line_is_told_with_what_would_be_right(kind, words, told, capsys):
+@pytest.mark.parametrize(("kind", "words", "message"), MISTAKES)
+def test_a_wrong_command_line_is_told_with_what_would_be_right(kind, words, message, capsys):
     with pytest.raises(SystemExit, match="2"):
         read_options(kind, "module", words)
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -106,12 +106,12 @@ MISTAKES = [
 ]
 
 
-@pytest.mark.parametrize(("text", "told"), MISTAKES)
-def test_prices_that_cannot_be_are_told(text: str, told: str) -> None:
+@pytest.mark.parametrize(("text", "words"), MISTAKES)
+def test_prices_that_cannot_be_are_told(text: str, words: str) -> None:
     with pytest.raises(ScenarioError) as error:
         parse(text, "my.yaml")
     (line,) = str(error.value).splitlines()
-    assert told in line
+    assert words in line
 
 
 @pytest.mark.parametrize(

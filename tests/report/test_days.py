@@ -98,10 +98,10 @@ MISTAKES = [
 ]
 
 
-@pytest.mark.parametrize(("text", "told"), MISTAKES)
-def test_a_shift_that_cannot_be_is_told(text: str, told: str) -> None:
+@pytest.mark.parametrize(("text", "words"), MISTAKES)
+def test_a_shift_that_cannot_be_is_told(text: str, words: str) -> None:
     with pytest.raises(ScenarioError) as error:
         parse(text, "my.yaml")
     (line,) = str(error.value).splitlines()
     assert line.startswith("my.yaml:1: shift")
-    assert told in line
+    assert words in line

@@ -239,9 +239,9 @@ def test_a_rate_of_part_full_bins_says_that_it_counts_full_ones():
     assert sentence(harvested()).endswith("simulated: 18.6 bins an hour.")
 
 
-@pytest.mark.parametrize(("figures", "told"), ENDS)
-def test_the_first_sentence_tells_how_the_run_ended(figures, told):
-    assert sentence(harvested(**figures)) == told
+@pytest.mark.parametrize(("figures", "words"), ENDS)
+def test_the_first_sentence_tells_how_the_run_ended(figures, words):
+    assert sentence(harvested(**figures)) == words
 
 
 def test_a_harvest_with_a_shift_tells_its_day():
@@ -304,11 +304,11 @@ def test_six_figures_are_in_words():
 
 
 @pytest.mark.parametrize(
-    ("seconds", "told"),
+    ("seconds", "words"),
     [(0.4, "0:00 min"), (3599.4, "59:59 min"), (3599.6, "1:00:00 h"), (9219.0, "2:33:39 h")],
 )
-def test_a_time_is_told_in_minutes_or_hours(seconds, told):
-    assert clock(seconds) == told
+def test_a_time_is_told_in_minutes_or_hours(seconds, words):
+    assert clock(seconds) == words
 
 
 def drawn(svg):

@@ -150,15 +150,15 @@ def stored_poses(folder, columns: tuple[str, ...], bodies: list[int]) -> np.ndar
 
 
 @pytest.mark.parametrize(
-    ("errors", "told"),
+    ("errors", "words"),
     [({}, ()), (GNSS, MEASURED), (ODOMETRY, RECKONED), (GNSS | ODOMETRY, MEASURED + RECKONED)],
 )
-def test_what_is_measured_exactly_is_null(tmp_path, errors, told):
+def test_what_is_measured_exactly_is_null(tmp_path, errors, words):
     run(Local(with_changes(Scenario(rows=3), **errors)), tmp_path, 2).close()
     for row in rows_of(tmp_path, "bodies"):
         is_robot = kind_of(row["name"]) in ("picker", "carrier", "tractor")
         assert {name for name in MEASURED + RECKONED if row[name] is not None} == {
-            *(told if is_robot else ())
+            *(words if is_robot else ())
         }
 
 

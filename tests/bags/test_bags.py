@@ -48,8 +48,9 @@ ROBOTS = ["carrier_01", "picker_01", "picker_02"]
 
 
 def record(file, ticks=range(1, TICKS + 1), gap=None):
-    """Record these ticks of a run, and a gap before them; return (pose, twist, wanted) of each
-    tick.
+    """Record some ticks of a run. Return pose, twist and wanted velocities of each tick.
+
+    `gap`: the arguments of `Recorder.gap`, for a gap before them.
     """
     local = Local(SMALL)
     recorder = Recorder(lay_out(SMALL), "one", file)
@@ -75,7 +76,7 @@ def recorded(tmp_path_factory):
 
 
 def read(file):
-    """Return what a bag holds: topic -> (tick, message) of each message."""
+    """Return the messages of a bag by topic, each with its tick."""
     by_topic = {}
     with AnyReader([file]) as reader:
         for connection, stamp, data in reader.messages():
@@ -150,7 +151,7 @@ def test_the_scans_in_a_bag_are_those_of_the_recording(exported):
     )
 )
 def test_ranges_come_back_from_the_points_of_a_recording(ranges):
-    """From 2 m on the beams lie further apart than the grid on which points are recorded."""
+    """Points are rounded to a grid. From 2 m on the beams lie further apart than its cells."""
     laser = KINDS["picker"].laser
     sweep = np.array(ranges, dtype=np.float32)
     points, _ = hits(sweep[None], laser, SCAN_BEAMS)
@@ -292,6 +293,7 @@ def bag(tmp_path_factory) -> Path:
 
 
 def driven(commands: Commands, ticks: int = TICKS) -> Local:
+    """Return a run that has followed the velocities of a bag for some ticks."""
     return played(Local(SMALL, replayed(make_agents(LAYOUT), commands)), ticks)
 
 
@@ -330,9 +332,9 @@ def test_a_velocity_counts_for_half_a_second(tick, is_driven):
 
 
 def test_bags_of_other_software_are_read_too(tmp_path):
-    """A Twist has no stamp: the message's time counts.
+    """A Twist has no stamp, so the time of its message counts.
 
-    What is between two ticks counts from the later one on.
+    A stamp between two ticks counts from the later one on.
     """
     path = written(
         tmp_path / "one.mcap",
@@ -370,7 +372,7 @@ TODAY = 17_642_900_000  # the tick of a wall clock: seconds since 1970 times ten
 
 
 def recorded_today(path: Path, kind: str, robots: tuple[str, ...] = ("picker_01",)) -> Path:
-    """Write 20 velocities of each robot as a user records them with ROS 2: by the wall clock."""
+    """Write 20 velocities of each robot, recorded with ROS 2 and stamped by the wall clock."""
     rows = []
     for tick in range(TODAY, TODAY + 20):
         for robot in robots:
@@ -453,6 +455,7 @@ NAN = (topics.CMD_VEL, "picker_01", 3, messages.velocity("picker_01", 3, math.na
 
 
 def scenario(text: str) -> tuple[topics.Topic, str, int, messages.Message]:
+    """Return the message that brings a scenario."""
     return SCENARIO, "", 0, messages.text(text)
 
 

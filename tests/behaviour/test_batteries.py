@@ -25,6 +25,7 @@ TICKS = 2500  # by then a carrier has charged
 
 
 def charging(battery: dict | None = None, **changes) -> Scenario:
+    """Return a small scenario whose carriers have this battery."""
     own = {"route": "two-way", "carrying": {"battery": BATTERY | (battery or {})}}
     return empty_orchard(
         **{"rows": 4, "pickers": 3, "carriers": 2, "row_length": 30.0, **own, **changes}
@@ -77,7 +78,7 @@ def test_a_battery_is_used_outside_the_queue_and_charged_fully():
 
 
 def test_a_flat_carrier_jams_the_run(soon_jammed):
-    """A flat carrier stands is an event and the run ends as jammed."""
+    """The carrier goes flat and stands. That is an event, and the run ends as jammed."""
     stage = Stage(charging({"hours": 0.05, "standing": 1.0, "reserve": 0.0}, carriers=1))
     lasted = stage.run_until(lambda: bool(stage.happened("flat")), 300)
     at = stage.pose("carrier_01")
@@ -121,7 +122,7 @@ def expected_hash() -> str:
 
 @cache
 def before_charging() -> Snapshot:
-    """Shortly before the first carrier drives to the charger."""
+    """Return a run shortly before its first carrier drives to the charger."""
     return played(charging(), 1400).snapshot()
 
 
@@ -145,7 +146,6 @@ def while_charging() -> Snapshot:
 
 
 def test_a_run_resumed_while_charging_has_the_same_hash():
-    """A run that is resumed while a carrier charges has the hash of one never interrupted."""
     local = Local.resume(while_charging())
     assert local.engine.world.plugged.any()
     assert played(local, TICKS).engine.hash == expected_hash()

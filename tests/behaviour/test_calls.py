@@ -37,9 +37,7 @@ class HardOfHearing:
 
 
 class LateAnswerer:
-    """A carrier that acts when a bin sends for it, but its answers are lost before a
-    certain tick.
-    """
+    """A carrier that acts when a bin sends for it, though its answers are lost before a tick."""
 
     def __init__(self, agent, until: int) -> None:
         self.agent = agent
@@ -73,7 +71,7 @@ class Forgetful:
 
 
 def calling_orchard(**scenario) -> Scenario:
-    """Its first bins are full after 40 s."""
+    """Return a scenario whose first bins are full after 40 s."""
     return empty_orchard(**{"dispatch": NEAREST, "row_length": 40.0, **scenario})
 
 
@@ -191,7 +189,7 @@ def test_a_call_that_nobody_answers_is_repeated():
 
 
 def test_a_carrier_that_does_not_answer_is_given_up():
-    """A carrier that does not answer when it is sent is given up for the head of another line."""
+    """The bin then sends for the head of another line."""
     stage = stage_with(
         lambda name, agent: HardOfHearing(agent, Come, until=60000 if name == "carrier_13" else 0),
         carriers=13,
@@ -231,7 +229,7 @@ def test_a_picker_with_a_bin_tells_why_it_takes_no_other(brought, why):
 
 
 def test_only_the_head_of_a_line_is_sent():
-    """Only the head of a line is sent: no carrier that stays may stand before it."""
+    """No carrier that stays may stand in the way of one that leaves."""
     stage = Stage(calling_orchard(rows=6, pickers=6, carriers=6))
     stage.run_to_the_end()
     order = [event.who for event in stage.happened("uncoupled") if event.who.startswith("carrier")]
@@ -264,7 +262,7 @@ def test_a_carrier_that_forgot_its_job_is_replaced_by_a_new_call():
 
 
 def test_a_bin_shows_what_its_robot_does_with_it():
-    """The words of a bin on a bar, and its state, in a whole small harvest."""
+    """A whole small harvest is followed: the text on the bin, and its state."""
     run = Local(empty_orchard(rows=3, pickers=2, carriers=2, row_length=20.0, picking_speed=1.0))
     shown = set()
     while not run.ended:

@@ -65,7 +65,7 @@ def test_a_picker_fails_as_drawn_and_goes_on_when_repaired():
 
 @pytest.mark.parametrize("route", ["one-way", "two-way"])
 def test_a_carrier_fails_after_the_drawn_drive_and_goes_on(route):
-    """A carrier fails where it has driven for as long as was drawn and goes on with its job."""
+    """It has driven for as long as was drawn. When it is repaired, it goes on with its job."""
     stage = Stage(
         empty_orchard(
             route=route,
@@ -96,10 +96,7 @@ def failed(stage: Stage) -> bool:
 
 
 def test_an_overdue_failure_strikes_on_the_next_drive():
-    """A robot that worked longer than drawn fails on its next drive.
-
-    As after a fork with another seed.
-    """
+    """After a fork with another seed, a robot may have worked longer than is now drawn."""
     stage = meadow()
     stage.put("carrier_01", 0.0, 20.0)
     fails = MayFail(seed=1, mean_between=60.0, mean_repair=30.0)
@@ -130,7 +127,7 @@ def test_a_carrier_that_fails_behind_a_place_keeps_it():
 
 
 def test_a_step_before_a_failure_is_not_the_picking_speed():
-    """A bin does not take the last step before a failure for the picking speed of its picker."""
+    """The last step before a failure is shorter, and a bin must not take it for the speed."""
     stage = Stage(
         empty_orchard(seed=4, picking={"failure": {"mean_between": 60.0, "mean_repair": 1800.0}})
     )
@@ -215,7 +212,6 @@ def test_an_agent_made_anew_during_a_failure_changes_nothing():
 
 
 def test_lockstep_has_the_local_hash_with_failures(fleet):
-    """Lockstep has the hash of local mode when robots fail and rows differ."""
     own = varied(rows_to_pickers="balanced-ends")
     fleet.physics(own, "--duration", str(SHORT / 10))
     fleet.share(2)

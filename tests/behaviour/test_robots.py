@@ -99,7 +99,7 @@ def test_a_carrier_stops_for_a_person_beside_the_bin():
 
 
 class Asker:
-    """Asks bin_01 for its state at tick 0, and after its picker has left it full."""
+    """Asks bin_01 for its state at tick 0, and again after the picker has left the bin full."""
 
     Memory = dict
 
@@ -127,7 +127,7 @@ def test_bins_tell_whether_they_are_full_and_on_whom():
 
 
 def test_a_bin_without_a_memory_forecasts_by_the_mean_speed():
-    """As in realtime, where a process that is killed early has given no memory yet."""
+    """In realtime a process that is killed early has given no memory yet."""
     local = played(Scenario(rows=3, seed=3), 150)
     del local.memories["bin_01"]
     local.engine.wake(["bin_01"])
@@ -163,7 +163,7 @@ def test_the_tractor_stops_for_an_obstacle_until_it_moves():
 
 
 def test_the_tractor_does_not_turn_into_what_no_laser_sees():
-    """The tractor does not turn while somebody stands where no laser looks."""
+    """The tractor waits while a person stands where no laser looks."""
     stage = meadow(tractor=True, people=People(workers=1, visitors=0))
     stage.local.agents["worker_01"] = Acting(
         lambda seen, mail, memory: Action(answers=tell_where(seen, mail), memory=memory)

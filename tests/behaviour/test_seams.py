@@ -54,7 +54,7 @@ def run(local: Local, ticks: int = 12_000) -> Local:
 
 @cache
 def harvested(name: str) -> tuple[str, Local]:
-    """A whole harvest in local mode, and its hash after the first ticks."""
+    """Harvest with an example in local mode. Return the run, and its hash after the first ticks."""
     early = run(Local(scenario(**EXAMPLES[name])), TICKS)
     return early.engine.hash, run(early)
 
@@ -153,20 +153,18 @@ class Detour(Step, frozen=True):
 
 
 class Wait(Detour, frozen=True):
-    """Has the name of a step of ours."""
+    """A step that has the name of a built-in one."""
 
 
 class Unregistered(OneWay):
-    """Uses a step that it does not list."""
+    """A route with a step that it does not list."""
 
     def go_home(self, carrier):
         return [Detour(), *super().go_home(carrier)]
 
 
 class Nested(OneWay):
-    """Its wait in the queue, which a refused job falls back to within `Confirmed`, has a step of
-    its own.
-    """
+    """A route whose own step is inside `Confirmed`: the wait to which a refused job falls back."""
 
     Steps = [Detour]  # noqa: RUF012
 
@@ -184,7 +182,7 @@ class Failing(OneWay):
 
 
 class StaysHere(OneWay):
-    """Its carriers never go to the load-out."""
+    """A route whose carriers never go to the load-out."""
 
     def fetch(self, carrier, lane, side, picker, full_bin):
         job = super().fetch(carrier, lane, side, picker, full_bin)

@@ -65,5 +65,5 @@ def test_a_harvest_at_any_spacing_ends(number: int) -> None:
 @pytest.mark.soak
 @pytest.mark.parametrize("number", range(HARVESTS))
 def test_soak_a_harvest_at_any_spacing_ends(number: int) -> None:
-    """Each fifth one is dense with people."""
+    """Each fifth of these orchards is dense with people."""
     harvest_to_the_end(number)

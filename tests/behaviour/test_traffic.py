@@ -108,7 +108,7 @@ ORCHARDS = [
 
 @pytest.mark.parametrize(("rows", "pickers", "carriers", "row_width", "more"), ORCHARDS)
 def test_a_harvest_ends_without_a_collision(rows, pickers, carriers, row_width, more):
-    """Among others this shows that the tractor on its driveway is not in the way of unloading."""
+    """The tractor on its driveway is not in the way of unloading."""
     stage = Stage(
         empty_orchard(
             rows=rows, pickers=pickers, carriers=carriers, row_width=row_width, tractor=True, **more
@@ -276,8 +276,9 @@ def test_a_crossing_animal_is_not_run_over():
 
 
 def lanes_touched(stage: Stage, carrier: str) -> list[tuple[str, str, int]]:
-    """Return (side, road, lane) of each place on a road that a carrier or its bin is in now, while
-    it drives along the road.
+    """Return where a carrier or its bin is on the roads now: (side, road, lane) of each place.
+
+    Only while it drives along a road; on no road the list is empty.
     """
     x, y, facing = stage.pose(carrier)
     route = route_of(stage.world.layout)
@@ -331,10 +332,9 @@ def test_a_carrier_on_a_road_has_every_place_it_is_in(rows, pickers, row_width, 
 
 @pytest.mark.parametrize(("width", "route"), [(5.0, TWO_WAY), (3.15, TWO_WAY), (3.15, ONE_WAY)])
 def test_robots_ask_for_one_place_after_the_other(width, route):
-    """On two-way roads they do, and where rows are close.
+    """A place that a robot only waits for keeps no robot from another place.
 
-    So a place that a robot only waits for keeps no robot from another place: the proof in
-    docs/traffic.md rests on it.
+    The proof in docs/traffic.md rests on it, for two-way roads and for close rows.
     """
     layout = lay_out(empty_orchard(rows=6, pickers=3, carriers=40, row_width=width, route=route))
     route = route_of(layout)

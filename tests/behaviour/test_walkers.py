@@ -18,8 +18,9 @@ from orchard.local import Local
 
 
 def facing(*boxes: tuple[float, float]) -> Observation:
-    """Return what a worker at the origin, facing east, observes of 1 m boxes with near sides at
-    (metres ahead, metres to the left).
+    """Return what a worker sees of boxes of 1 m. The worker is at the origin and faces east.
+
+    Each box has its near side at (metres ahead, metres to the left).
     """
     angles = np.radians(np.linspace(-90, 90, 180))
     scan = np.full(180, np.inf, dtype=np.float32)
@@ -36,7 +37,7 @@ def walk_on(seen: Observation) -> Twist:
 
 
 def test_walkers_mind_only_what_is_near_in_their_path():
-    """Walkers mind only what is in their path and within four metres."""
+    """A worker steers past what is in its path within four metres, and minds nothing else."""
     assert walk_on(facing()) == Twist(x=1.0)
     assert walk_on(facing((4.5, 0.0))) == Twist(x=1.0)
     assert walk_on(facing((2.0, 3.0))) == Twist(x=1.0)
@@ -84,7 +85,7 @@ def test_walkers_turn_away_from_an_obstacle_and_go_on(kind, where):
     "seed", [1, *(pytest.param(seed, marks=pytest.mark.soak) for seed in (6, 16))]
 )
 def test_nobody_stays_near_one_point_for_a_minute(seed):
-    """Nobody stays within a circle of three metres for a minute."""
+    """No person or animal stays within a circle of 3 m for a minute."""
     stage = meadow(
         seed=seed,
         tractor=True,
@@ -155,7 +156,7 @@ def test_weeds_disappear_when_something_moves_within_a_metre():
 
 
 def test_a_weed_asks_only_for_what_can_flatten_it():
-    """What has flattened the one goes on moving there, and passes the other one too far off."""
+    """One body has flattened the weed and goes on there; another passes too far off."""
     stage = Stage(
         empty_orchard(weeds=2, people=People(workers=1, visitors=0)), worker_01=Driven(Twist(x=0.3))
     )
@@ -185,8 +186,9 @@ def test_weeds_stay_for_what_stands_still_or_passes_further_off():
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize(("speed", "y"), [(1.0, 21.5), (1.0, 21.7), (0.3, 21.5)])
 def test_noise_hides_nothing_that_passes_from_a_weed(speed, y, seed):
-    """However slowly it passes, and with up to 0.95 m between their edges: it comes at most 0.3 m
-    further than without noise.
+    """A body passes slowly, its edge up to 0.95 m from the weed's.
+
+    With noise it comes at most 0.3 m further than without.
     """
     at = [x_of_passer(noise, speed, y, seed) for noise in (0.0, 0.02)]
     assert abs(at[0] - at[1]) <= 0.3

@@ -92,7 +92,7 @@ def paused(text: str, hours: int, picker: str = "") -> str:
 
 
 def test_a_break_of_the_scenarios_shift_is_no_working_time(folder, tmp_path):
-    """Without that scenario bins of the time are left out, and it is said what to do."""
+    """Without the scenario, bins of that time are left out, and a message says what to do."""
     log = tmp_path / "log.csv"
     log.write_text(paused((folder / "log.csv").read_text(), 3))
     shift = {"begin": "07:00", "end": "18:00", "breaks": [["08:00", "11:00"]]}

@@ -33,7 +33,7 @@ CREW = {"picker_01": 0.8, "picker_02": 1.1, "picker_03": 1.3, "picker_04": 0.9}
 
 
 def log_of(truth: Scenario, days: int = 1) -> list[LoggedBin]:
-    """Return the bins of harvests of a model, one a day, each with rows of its own seed."""
+    """Return the bins of the harvests of a model, one harvest a day, each with another seed."""
     bins = []
     for day in range(days):
         for of_day in model_bins(with_changes(truth, seed=truth.seed + day)):
@@ -250,8 +250,9 @@ def test_a_last_day_of_one_picker_is_no_test():
 
 
 def crew_log(pickers: int, rows: int = 0, bins: int = 8) -> list[LoggedBin]:
-    """Return the bins of a day, ten minutes each, of pickers or else of rows: so many bins a row,
-    or a picker if there are no rows.
+    """Return the bins of a day, ten minutes each.
+
+    `rows` and `bins`: a row has so many bins; without rows each picker has so many.
     """
     logged = []
     for chain in range(max(pickers, rows)):

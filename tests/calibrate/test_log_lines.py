@@ -201,7 +201,7 @@ def test_a_time_without_any_event_is_told(tmp_path):
 
 
 def carried_log(missing: int, days: int = 2) -> str:
-    """Return a log of a carrier with ten bins a day, without one of its lines with unloaded."""
+    """Return a log of a carrier with ten bins a day. The time unloaded is missing in one line."""
     lines = ["time,event,picker,row,carrier"]
     for number in range(10 * days):
         day = 14 + number // 10

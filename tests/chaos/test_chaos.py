@@ -43,7 +43,6 @@ def test_the_same_seed_and_number_do_the_same_and_others_do_not():
 
 
 def test_faults_come_while_the_run_goes_on_in_order():
-    """Every fault comes while the run goes on in the order of ticks."""
     for this in TRIALS:
         ticks = [fault.tick for fault in this.faults]
         assert ticks == sorted(ticks)

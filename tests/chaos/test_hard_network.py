@@ -93,10 +93,7 @@ def test_a_large_payload_takes_longer_and_the_next_one_waits():
 
 
 def test_arrivals_for_physics_come_from_another_thread():
-    """What arrives for the session of physics comes from another thread.
-
-    So it may have done something else meanwhile. What it sends is at the router at once.
-    """
+    """What arrives while physics does something else waits. What physics sends goes at once."""
     scheduler = Scheduler()
     network = Network(scheduler, "", Delays())
     task = scheduler.spawn("physics", lambda: None)
@@ -121,10 +118,7 @@ def test_schedules_draw_only_payloads_that_no_receiver_takes():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_changed_payloads_leave_the_hash_of_local_mode(seed):
-    """A run whose payloads change on their way has the hash of local mode.
-
-    What is no message any more is asked for again.
-    """
+    """A payload that is no message any more is asked for again."""
     carried = Carried(replace(plan(ticks=100, hosts=3), seed=seed), Tears(0.01, 0.01))
     assert carried.schedule.world.network.torn > 0
     assert carried.verdict.complaints == []
@@ -137,7 +131,7 @@ def test_some_schedules_have_slow_links_and_payloads_that_change():
 
 
 def test_in_some_schedules_a_host_is_away_for_too_long():
-    """Physics loses it, and it joins again."""
+    """Physics gives the host up, and the host joins again."""
     plans = [draw(seed) for seed in range(200)]
     away = [
         fault

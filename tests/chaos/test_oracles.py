@@ -31,7 +31,7 @@ SCENE = "rolling"
 
 
 def shortly_before(what: str, *faults: Fault, ticks: int = 60, **others) -> Plan:
-    """A plan that begins at the last keyframe before an event."""
+    """Return a plan that begins at the last keyframe before an event of a kind."""
     harvest = harvest_of(SCENE)
     begin = harvest.last_keyframe(harvest.moments[what][0])
     given = {"has_logger": False, "has_router": False, "delays": Delays()} | others
@@ -48,8 +48,9 @@ def test_local_mode_harvests_each_scene_as_it_is_stored(scene):
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_stored_counts_of_bins_are_those_of_the_rows(scene):
-    """Each full bin is left by its picker and taken by a carrier, which has brought an empty one
-    and unloads the full one.
+    """A full bin is left by its picker and taken by a carrier.
+
+    The carrier has brought an empty bin, and unloads the full one.
     """
     bins = stored_counts()[scene].bins
     assert set(bins) == set(OF_BINS)
@@ -69,7 +70,7 @@ def test_stored_counts_find_a_harvest_wrong_in_each_mode():
 
 
 def test_schedules_begin_shortly_before_something_happens():
-    """A harvest has an event in every hundredth tick."""
+    """In a harvest only each hundredth tick has an event, so most ticks would test little."""
     plans = [draw(seed) for seed in range(100)]
     events = [
         any(
@@ -96,7 +97,7 @@ def test_all_kinds_of_the_reference_of_messages_are_counted():
 
 
 def test_what_occurs_in_a_schedule_is_counted():
-    """A picker leaves its full bin, which sends for a carrier."""
+    """In this schedule a picker leaves its full bin, which sends for a carrier."""
     verdict = carry_out(shortly_before("uncoupled", Fault("survey", CLIENT, 5, 0.0, 0.1)))
     assert verdict.complaints == []
     counts = summed_up([verdict.occurred])
@@ -122,7 +123,7 @@ def test_a_run_that_is_reset_begins_again_and_lasts_as_long():
 
 
 def test_an_emergency_stop_is_that_of_local_mode():
-    """An emergency stop is that of local mode also after a kill."""
+    """The stop holds after a kill, too."""
     faults = Fault("stop robots", CLIENT, 10, 0.0, 3.0), Fault("kill", PHYSICS, 10, 0.1)
     verdict = carry_out(shortly_before("uncoupled", *faults, ticks=300))
     assert verdict.complaints == []
@@ -145,14 +146,17 @@ def test_a_fork_whose_only_snapshot_is_torn_begins_anew():
     ],
 )
 def test_figures_before_a_torn_snapshot_are_of_the_run_before(stop_at, torn_at, delays):
-    """The snapshot before knows nothing of the stop, or the run hears it only after it is back."""
+    """Physics goes back to an older snapshot, which does not have the stop.
+
+    Or the run hears of the stop only after physics is back.
+    """
     stop = Fault("stop robots", CLIENT, stop_at, 0.02, 3.0)
     plan = shortly_before("uncoupled", stop, torn_at, ticks=120, delays=delays)
     assert carry_out(plan).complaints == []
 
 
 def figures_at(tick: int, stopped_at: int) -> dict:
-    """The figures of local mode at a tick, if a picker is stopped at another one."""
+    """Return the figures of local mode at a tick. `stopped_at`: the tick of a picker's stop."""
     run = WatchedRun(harvest_of(SCENE).snapshot(100))
     while run.tick < tick:
         if run.tick == stopped_at:
@@ -166,8 +170,9 @@ def figures_at(tick: int, stopped_at: int) -> dict:
     [(115, 2.0, True), (115, 60.0, False), (140, 2.0, False)],
 )
 def test_figures_of_a_forgotten_stop_are_of_its_ticks_and_soon(tick, arrives_at, are_known):
-    """Figures with a stop that physics has forgotten are of ticks that it had simulated then, and
-    arrive soon.
+    """Physics goes back to a snapshot before the stop, and so forgets it.
+
+    Figures with the stop are right only for ticks simulated then, and only if they arrive soon.
     """
     now = [0.0]
     course = Course(SCENE, lambda: now[0])
@@ -186,9 +191,7 @@ def test_figures_of_a_forgotten_stop_are_of_its_ticks_and_soon(tick, arrives_at,
 
 
 def test_refusals_forgotten_since_a_written_snapshot_are_found():
-    """Physics makes the snapshot of a tick again, with fewer refusals, and dies before it is
-    written.
-    """
+    """Physics simulates a tick again with fewer refusals, and dies before its snapshot is written."""
     observer = Observer(SCENE, Census(), lambda: 0.0)
 
     def goes_on_at(tick: int, refused: int) -> SimpleNamespace:

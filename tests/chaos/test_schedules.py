@@ -229,7 +229,7 @@ def test_whatever_happens_the_run_goes_on_to_the_same_hash(what):
     ],
 )
 def test_in_realtime_too_a_run_goes_on_and_ends_well(fault):
-    """Also if the router is down at its end."""
+    """The run ends well even if the router is down at its end."""
     verdict = carry_out(
         plan(fault, ticks=300, mode="realtime", has_router=fault.who == ROUTER, has_logger=True)
     )
@@ -329,13 +329,13 @@ def test_a_stop_in_the_tick_of_a_reset_is_of_no_step():
 
 @pytest.mark.parametrize("seed", [2495])
 def test_a_reset_that_begins_in_another_process_was_wanted(seed):
-    """The command is killed just when physics has said that it begins the run again."""
+    """The reset command is killed when physics has just said that it begins the run again."""
     assert carry_out(draw(seed)).complaints == []
 
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_host_waits_for_physics_beside_a_false_client(seed):
-    """Physics refuses nobody its run, so a refusal is none of physics."""
+    """Physics never refuses to tell its run, so a refusal comes from another client."""
     faults = (
         Fault("false answers", CLIENT, 20, 0.0, 8.0),
         Fault("kill", PHYSICS, 20, 0.1),
@@ -347,13 +347,13 @@ def test_a_host_waits_for_physics_beside_a_false_client(seed):
 
 @pytest.mark.parametrize("delay", [0.15, 0.25, 0.4])
 def test_a_run_that_ends_again_early_waits_for_its_hosts(delay):
-    """A run that ends again before its hosts are back waits for them when it goes on."""
+    """The run goes on from a snapshot near its end, before its hosts are back."""
     faults = Fault("kill", PHYSICS, 150), Fault("kill", RUN_PY, 150, delay)
     assert carry_out(plan(*faults, ticks=200, delays=Delays(5e-3))).complaints == []
 
 
 def test_no_schedule_begins_after_the_time_is_over(monkeypatch):
-    """Those before are the same as without a limit, in their order."""
+    """The schedules before that are the same as without a limit, in the same order."""
     times = iter(range(1000))
     monkeypatch.setattr(command, "outcome_of", lambda seed: seed)
     with ThreadPoolExecutor(2) as workers:

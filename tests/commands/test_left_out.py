@@ -13,7 +13,7 @@ from orchard.terminal.group import command_of
 
 
 def leave_out(package, monkeypatch):
-    """Let Python find everything but a package."""
+    """Let Python find each package but one."""
 
     def find_spec(name):
         return None if name == package else importlib.util.find_spec(name)
@@ -82,7 +82,7 @@ def test_tables_without_what_writes_them_are_refused(missing, words, monkeypatch
 
 
 def test_a_folder_with_nothing_but_a_cache_is_no_package(monkeypatch):
-    """What remains of a removed package is found by Python as a package without a file."""
+    """Of a removed package a cache may remain, and Python finds a package without a file."""
     entry = catalogue.CommandEntry("tests_of_nothing.commands", "study", "")
     monkeypatch.setattr(
         catalogue, "find_spec", lambda name: importlib.util.spec_from_loader(name, None)

@@ -63,7 +63,7 @@ def clone_without(packages: list[str], parts: tuple[str, ...], folder: Path) -> 
 def python_in(clone: Path, *words: str) -> str:
     """Run Python in a clone that is not installed. Return what it prints.
 
-    `-S`: else Python would find what is removed in the clone that is installed for these tests.
+    Without `-S` Python would find the removed folders in the clone that is installed for tests.
     """
     kernels = kernels_folder()
     assert kernels is not None
@@ -82,7 +82,7 @@ def python_in(clone: Path, *words: str) -> str:
 
 
 def call(clone: Path, *commands: list[str]) -> list[tuple[int, str, str]]:
-    """Return what each command gives in a clone: exit code, stdout, stderr."""
+    """Return exit code, stdout and stderr of each command in a clone."""
     told = python_in(clone, "-c", CALLS, json.dumps(commands))
     return json.loads(told.splitlines()[-1])
 

@@ -24,7 +24,7 @@ COMMANDS = {
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_no_command_replaces_a_file_of_others(command, tmp_path):
-    """It names the file, ends with code 2, and the file stays."""
+    """The command names the file and ends with code 2, and the file stays."""
     (written,), told = told_of_others(COMMANDS[command], tmp_path)
     assert written in told
 
@@ -54,7 +54,7 @@ SUMMARIES = {
 
 @pytest.mark.parametrize(("command", "options"), SUMMARIES.values(), ids=SUMMARIES)
 def test_a_summary_replaces_an_older_one(command, options, tmp_path):
-    """The older one may be of another command: here of one that tells the futures of a run."""
+    """The older summary may be that of another command, such as one of the futures of a run."""
     path = tmp_path / "summary.json"
     write_summary(path, {"at_seconds": 60.0, "futures": {}})
     scenario = scenario_file(tmp_path, SMALL)

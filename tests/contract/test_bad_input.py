@@ -17,10 +17,9 @@ NAMES = ("picker_01", "bin_02", "traffic", "nobody")
 
 @pytest.fixture
 def running(fleet, tmp_path):
-    """Start a run with two hosts and a logger, of which no tick has passed yet.
+    """Start a run with two hosts and a logger, which waits before its first tick.
 
-    Return a client, a function that waits for the summary which the client hears at the end, and
-    the logger.
+    Return a client, a function that waits for the summary at the end, and the logger.
     """
     fleet.physics(SMALL, "--duration", str(TICKS / 10))
     logger = fleet.start(
@@ -87,7 +86,7 @@ def test_random_bytes_on_every_key_change_nothing(fleet, running, undisturbed):
 
 
 def test_a_client_that_pretends_to_be_physics_is_not_missed(fleet, running, undisturbed):
-    """A client declares a token like that of physics, and takes it back."""
+    """A client declares a token like that of physics, and withdraws it."""
     someone, _, logger = running
     someone.declare("orchard/alive/physics/another/one").undeclare()
     assert undisturbed in wait_for_the_end(fleet, logger)[0]

@@ -62,7 +62,7 @@ def test_an_agent_that_local_mode_is_given_is_checked_too(caplog):
     ("mode", "tick", "seconds"), [("local", "1", 1), ("lockstep", "1", 1), ("realtime", r"\d+", 3)]
 )
 def test_the_command_line_checks_agents_and_exits_with_1(mode, tick, seconds, tmp_path):
-    """In realtime a busy host may leave the first ticks out."""
+    """In realtime a busy host may miss the first ticks."""
     path = scenario_file(tmp_path, with_picker("Counting"))
     done = orchard(
         path,
@@ -92,7 +92,7 @@ class Colour(enum.IntEnum):
 
 
 class Keeper:
-    """Returns these memories in turn, the last one for ever, and notes those that it gets."""
+    """Returns these memories in turn, the last one for ever, and notes which memories it gets."""
 
     def __init__(self, *memories, type_=dict):
         self.memories = memories

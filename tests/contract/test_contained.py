@@ -33,7 +33,7 @@ UPWARD = 0x800
 
 
 def flush_to_zero():
-    """As a C library does that was compiled with -ffast-math."""
+    """Set the processor as a C library does that was compiled with -ffast-math."""
     environment = (ctypes.c_uint32 * 8)()
     ctypes.CDLL(None).fegetenv(environment)
     environment[MXCSR] |= FLUSH_TO_ZERO
@@ -51,7 +51,7 @@ SETTINGS = [
 
 
 def state():
-    """What the settings change: two modes, a limit, and sums that flags would spoil."""
+    """Return what the settings change: two modes, a limit, and sums that flags would spoil."""
     return (
         np.geterr(),
         decimal.getcontext().prec,
@@ -62,7 +62,7 @@ def state():
 
 
 def setting():
-    """Each test puts one of SETTINGS in its place."""
+    """Return a holder of one of SETTINGS, which each test fills."""
 
 
 def rule(scenario):
@@ -76,7 +76,7 @@ def factory(layout, names):
 
 
 class Setter:
-    """Drives on, and sets something when it is made and at each tick."""
+    """Drives on, and changes a setting when it is made and at each tick."""
 
     Memory = dict
 

@@ -196,7 +196,7 @@ def of_the_guard(action, mail=None):
 @given(actions)
 @settings(max_examples=300)
 def test_physics_accepts_whatever_the_guard_passes(wild):
-    """Whatever the guard passes physics accepts and hears as local mode does."""
+    """Physics hears the same in lockstep as local mode does."""
     guard, action = of_the_guard(wild)
     report = report_of(action, digest_of(Mail()), guard.packed)
     payload = pack(Velocities(RUN, 7, "host1", {"picker_01": report}))

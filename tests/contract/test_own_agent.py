@@ -87,7 +87,7 @@ def test_a_client_whose_robot_is_taken_ends_with_the_reason(fleet):
 
 @contextmanager
 def asking(endpoint, name):
-    """The client of keyspace.md, started, and not waited for."""
+    """Start the client of keyspace.md, and do not wait for it."""
     command = [sys.executable, "examples/foreign_client.py", endpoint, name]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(command, cwd=ROOT, **pipes) as client:
@@ -171,7 +171,7 @@ def test_a_mistake_of_one_agent_changes_no_other_in_any_mode(fleet):
 
 
 def test_texts_of_agents_are_printable_for_people(tmp_path):
-    """Texts of agents are printable wherever a person reads them."""
+    """What an agent says is printable in each place where a person reads it."""
     recording = tmp_path / "run.rrd"
     done = orchard(
         scenario_file(tmp_path, driven_by(picker_01="Injector")),

@@ -18,8 +18,9 @@ def zones(draw) -> Zone:
 
 
 def exact(laser, zone: Zone) -> tuple[np.ndarray, np.ndarray]:
-    """The ranges between which each beam is in a zone, float64: along each axis by itself, where
-    the beam is not across it.
+    """Return between which ranges each beam is in a zone, m, float64.
+
+    Each axis is compared by itself, where the beam is not across it.
     """
     enter = np.zeros(laser.beams)
     leave = np.full(laser.beams, np.inf)
@@ -41,7 +42,7 @@ def exact(laser, zone: Zone) -> tuple[np.ndarray, np.ndarray]:
 
 @given(st.sampled_from([AROUND, KINDS["picker"].laser]), zones(), st.data())
 def test_a_return_is_in_a_zone_as_if_it_were_compared_exactly(laser, zone, data):
-    """At the very ranges where a beam enters and leaves, and their neighbours, too."""
+    """The ranges are those at which a beam enters or leaves a zone, and their neighbours."""
     enter, leave = exact(laser, zone)
     some = data.draw(arrays(np.float32, laser.beams, elements=st.floats(0.0, 11.0, width=32)))
     for edge in (enter, leave):

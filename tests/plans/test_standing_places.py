@@ -54,7 +54,10 @@ def gap(points: np.ndarray, others: np.ndarray) -> float:
 
 
 def facing(points: np.ndarray, others: np.ndarray, most: float) -> np.ndarray:
-    """Return those that may be as near as `most` to others, which are all in a circle."""
+    """Return what a worker sees of boxes of 1 m. The worker is at the origin and faces east.
+
+    Each box has its near side at (metres ahead, metres to the left).
+    """
     centre = (others.min(axis=0) + others.max(axis=0)) / 2
     radius = np.hypot(*(others - centre).T).max()
     return points[np.hypot(*(points - centre).T) <= radius + most]

@@ -11,7 +11,8 @@ NEVER = 2**60
 # Times in a tick.
 QUARTERS = 4
 
-# -- kinds of ops. A comment names the steps of which each is made.
+# -- kinds of ops. A comment names the steps of which each is made. Those that couple or uncouple a
+# bin stand together, from DELIVER to LEAVE_BIN.
 
 # The end of a plan: the robot has nothing to do until it gets another one.
 END = 0
@@ -52,7 +53,9 @@ CHARGED = 17
 # Haul.
 HAUL = 18
 
-# -- what a robot is doing. The table in `machine` says what leads from one to another.
+# -- what a robot is doing. The table in `machine` says what leads from one to another. States that
+# turn or last stand together, from SWINGING_BIN to LASTING, and those that handle bins, from
+# LEAVING_BIN to TAKING_BIN.
 
 IDLE = 0
 DRIVING = 1

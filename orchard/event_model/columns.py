@@ -192,12 +192,10 @@ ROBOT = np.dtype(
         ("turns", np.int64),
         ("meeting", np.float64),
         ("clear", np.float64),
-        # -- the leg of a drive: it began here at this tick, ends at the limit, and was to reach the
-        # goal
+        # -- the leg of a drive: it began here at this tick, and was to reach the goal
         ("leg_begun", np.int64),
         ("leg_from", np.float64),
         ("leg_stride", np.float64),
-        ("leg_limit", np.float64),
         ("leg_goal", np.float64),
         ("leg_ahead", np.int64),
         # Tick at which the last leg ended.

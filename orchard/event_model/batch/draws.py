@@ -48,24 +48,16 @@ def draw_first(b, i):
 def draw_more(b, m, i):
     """Draw more of what a robot has used up. Return whether there was room for it."""
     episode = b.episodes[i]
-    failures = 0
-    encounters = 0
-    looks = 0
-    for robot in range(len(m.robots)):
-        me = m.robots[robot]
-        failures = max(failures, me.failures)
-        encounters = max(encounters, me.meetings)
-        looks = max(looks, me.turns)
     rules = b.rules[0]
-    robots = len(m.robots)
+    failures, encounters, looks = most_used(m)
     lacks_failures = rules.has_failures and failures + RESERVE >= episode.failures
     lacks_encounters = rules.has_people and encounters + RESERVE >= episode.encounters
     lacks_looks = rules.has_people and looks + RESERVE >= episode.looks
-    if lacks_failures and robots * (episode.failures + MORE) > b.failures.shape[1]:
+    if lacks_failures and not has_room(m, episode.failures, b.failures):
         return False
-    if lacks_encounters and robots * (episode.encounters + MORE) > b.encounters.shape[1]:
+    if lacks_encounters and not has_room(m, episode.encounters, b.encounters):
         return False
-    if lacks_looks and robots * (episode.looks + MORE) > b.looks.shape[1]:
+    if lacks_looks and not has_room(m, episode.looks, b.looks):
         return False
     if lacks_failures:
         draw_failures(b, i)
@@ -75,6 +67,26 @@ def draw_more(b, m, i):
         draw_looks(b, i)
     m.desk[0].lacks_draws = False
     return True
+
+
+@inner
+def most_used(m):
+    """Return how many failures, encounters and looks a robot has used at most."""
+    failures = 0
+    encounters = 0
+    looks = 0
+    for robot in range(len(m.robots)):
+        me = m.robots[robot]
+        failures = max(failures, me.failures)
+        encounters = max(encounters, me.meetings)
+        looks = max(looks, me.turns)
+    return failures, encounters, looks
+
+
+@inner
+def has_room(m, count, drawn):
+    """Whether all draws of a kind have room for more of each robot. `count`: of each so far."""
+    return len(m.robots) * (count + MORE) <= drawn.shape[1]
 
 
 @inner

@@ -168,21 +168,27 @@ def give_chargers(m, ticks):
 
     `ticks`: for which they have had them by now.
     """
-    desk = m.desk[0]
-    while desk.free_chargers > 0:
-        first = c.NONE
-        for carrier in range(len(m.robots)):
-            if not m.robots[carrier].waits_to_charge:
-                continue
-            if m.robots[carrier].state == c.DRIVING:
-                # It moves up, and gets one once it stands.
-                m.timers[c.PARK, carrier] = desk.now + c.QUARTERS
-                continue
-            if first == c.NONE or m.robots[carrier].x > m.robots[first].x:
-                first = carrier
+    while m.desk[0].free_chargers > 0:
+        first = nearest_to_charge(m)
         if first == c.NONE:
             return
         begin_to_charge(m, first, ticks)
+
+
+@inner
+def nearest_to_charge(m):
+    """Return the carrier that stands nearest to a head of those that wait for a charger; NONE:
+    there is none.
+    """
+    nearest = c.NONE
+    for carrier in range(len(m.robots)):
+        me = m.robots[carrier]
+        if me.waits_to_charge and me.state == c.DRIVING:
+            # It moves up, and gets one once it stands.
+            m.timers[c.PARK, carrier] = m.desk[0].now + c.QUARTERS
+        elif me.waits_to_charge and (nearest == c.NONE or me.x > m.robots[nearest].x):
+            nearest = carrier
+    return nearest
 
 
 @inner

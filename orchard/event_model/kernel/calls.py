@@ -17,6 +17,7 @@ from orchard.event_model.kernel.places import tick_of
 from orchard.event_model.kernel.reports import (
     HEARD,
     ORDERED,
+    begin_call,
     drop_order,
     forgotten_at,
     is_early,
@@ -81,16 +82,12 @@ def call_carriers(m, picker, end):
     if is_early(m):
         report_again(m, picker, tick)
         return
-    call.bin = me.full_bin
-    call.end = end
+    begin_call(m, picker, me.full_bin, end)
     call.since = tick
     call.reports_from = tick
-    call.silent_since = c.NEVER
     call.full = tick
     call.measured = c.NONE
     call.stood_until = c.NONE
-    call.failed = c.NONE
-    call.is_booked = False
     if m.desk[0].policy == c.BY_CALLS:
         m.timers[c.CALL_HEARD, picker] = c.QUARTERS * (tick + 1)
     else:
@@ -117,11 +114,10 @@ def hear_calls(m):
     """Let all carriers hear the calls of the last tick, and let each bin choose one that offers to
     come.
     """
-    now = m.desk[0].now
-    tick = now // c.QUARTERS
+    tick = m.desk[0].now // c.QUARTERS
     m.desk[0].knows_ways = False
     for picker in range(len(m.robots)):
-        if m.timers[c.CALL_HEARD, picker] == now:
+        if is_calling(m, picker):
             call = m.calls[picker]
             call.carrier = c.NONE
             m.bins[call.bin].since = call.since
@@ -130,32 +126,57 @@ def hear_calls(m):
         if is_home(m, carrier) and can_leave(m, carrier):
             offer(m, carrier, tick)
     for picker in range(len(m.robots)):
-        if m.timers[c.CALL_HEARD, picker] == now:
-            m.timers[c.CALL_HEARD, picker] = c.NEVER
-            if m.calls[picker].carrier == c.NONE:
-                m.timers[c.CALL_HEARD, picker] = now + c.QUARTERS * CALL_AGAIN
-            else:
-                m.timers[c.COME, picker] = now + c.QUARTERS * HEARD
+        if is_calling(m, picker):
+            choose(m, picker)
+
+
+@inner
+def is_calling(m, picker):
+    """Whether carriers hear the call of a picker's bin now."""
+    return m.timers[c.CALL_HEARD, picker] == m.desk[0].now
+
+
+@inner
+def choose(m, picker):
+    """Let a bin send for the carrier that it has chosen, or call again."""
+    now = m.desk[0].now
+    if m.calls[picker].carrier == c.NONE:
+        m.timers[c.CALL_HEARD, picker] = now + c.QUARTERS * CALL_AGAIN
+    else:
+        m.timers[c.CALL_HEARD, picker] = c.NEVER
+        m.timers[c.COME, picker] = now + c.QUARTERS * HEARD
 
 
 @inner
 def offer(m, carrier, tick):
     """Let a carrier offer itself to the bin that has called for longest, if that bin calls now."""
+    first = first_call(m, carrier, tick)
+    if first == c.NONE or m.bins[first].called != tick:
+        return
+    m.offers[carrier, first] = min(m.offers[carrier, first], tick)
+    for picker in range(len(m.robots)):
+        if m.calls[picker].bin == first and is_calling(m, picker):
+            hear_offer(m, picker, carrier)
+
+
+@inner
+def first_call(m, carrier, tick):
+    """Return the bin that a carrier fetches first of those that it has heard; NONE: none calls."""
     first = c.NONE
     for name in range(len(m.bins)):
         if tick - m.bins[name].called > REMEMBERED:
             continue
         if first == c.NONE or is_offered_first(m, carrier, name, first, tick):
             first = name
-    if first == c.NONE or m.bins[first].called != tick:
-        return
-    m.offers[carrier, first] = min(m.offers[carrier, first], tick)
-    for picker in range(len(m.robots)):
-        call = m.calls[picker]
-        if call.bin != first or m.timers[c.CALL_HEARD, picker] != m.desk[0].now:
-            continue
-        if call.carrier == c.NONE or is_nearer(m, carrier, call.carrier, call.end):
-            call.carrier = carrier
+    return first
+
+
+@inner
+def hear_offer(m, picker, carrier):
+    """Let a picker's bin hear that a carrier offers to come. It chooses the nearest one."""
+    call = m.calls[picker]
+    if call.carrier == c.NONE or is_nearer(m, carrier, call.carrier, call.end):
+        call.carrier = carrier
 
 
 @inner

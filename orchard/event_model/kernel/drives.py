@@ -153,68 +153,119 @@ def drive_on(m, robot):
     """Drive the next leg, or stand. Return whether the drive is done."""
     me = m.robots[robot]
     op = m.ops[me.op]
-    while True:
-        if op.is_queueing and me.next_op != c.NONE:
-            me.clear = me.meeting - me.here
-            if me.has_arrived and me.line_end > me.here + NEAR:
-                stop_short(m, robot, me.here)
-            return True
-        if me.here > me.meeting - NEAR:
-            if is_in_bay(m, robot):
-                end_meeting(m, robot)
-                me.stood = tick_of(m)
-                return end_drive(m, robot)
-            stand_for(m, robot)
-            return False
-        free_passed(m, robot)
-        gate, ticks = next_gate(m, robot)
-        if not me.has_arrived and me.here - me.left_at >= CLEAR - NEAR:
-            arrive(m, robot, op.line)
-            me.has_arrived = True
-        elif not me.has_arrived and me.here - me.left_at >= ONLY_BIN - NEAR:
-            tell_followers(m, robot, m.desk[0].now)
-        ahead = robot_ahead(m, robot, op.line, me.here)
-        free_to = FAR
-        if ahead != c.NONE:
-            free_to = room_in_steps(m, robot, ahead, speed_of(m, op) * TIME_STEP)
-        goal = min(me.stop, gate, me.meeting)
-        limit = min(goal, max(me.here, free_to))
-        if me.has_arrived and limit > me.line_end + NEAR:
-            me.line_end = limit
-            tell_followers(m, robot, noticed_at(m, robot))
-        elif me.has_arrived and limit < me.line_end - NEAR:
-            stop_short(m, robot, limit)
-        if limit - me.here > NEAR:
-            begin_leg(m, robot, goal, limit, ahead, ticks)
-            return False
-        me.stood = tick_of(m)
-        if me.bin != c.NONE and me.leg_ended == me.stood:
-            # Its bin runs on for a tick, and who stands behind that drives a step.
-            tell_followers(m, robot, m.desk[0].now + c.QUARTERS * NOTICED)
-        is_held_up = ahead != c.NONE and free_to <= me.here + NEAR
-        if me.stop - me.here <= NEAR or (is_held_up and is_in_bay(m, robot)):
-            return end_drive(m, robot)
-        stand(m, robot, ahead if is_held_up else c.NONE)
-        return False
+    if op.is_queueing and me.next_op != c.NONE:
+        leave_queue(m, robot)
+        return True
+    if me.here > me.meeting - NEAR:
+        return meet(m, robot)
+    free_passed(m, robot)
+    gate, ticks = next_gate(m, robot)
+    come_onto_line(m, robot)
+    ahead = robot_ahead(m, robot, op.line, me.here)
+    free_to = free_behind(m, robot, ahead)
+    goal = min(me.stop, gate, me.meeting)
+    limit = min(goal, max(me.here, free_to))
+    tell_limit(m, robot, limit)
+    if limit - me.here <= NEAR:
+        return halt(m, robot, ahead, free_to)
+    me.leg_goal = goal
+    me.leg_ahead = ahead
+    begin_leg(m, robot, limit, ticks)
+    return False
 
 
 @inner
-def begin_leg(m, robot, goal, limit, ahead, ticks):
+def leave_queue(m, robot):
+    """End a drive in the queue because of an order: the robot drives no further along its line."""
+    me = m.robots[robot]
+    me.clear = me.meeting - me.here
+    if me.has_arrived and me.line_end > me.here + NEAR:
+        stop_short(m, robot, me.here)
+
+
+@inner
+def meet(m, robot):
+    """Stand for somebody, unless the robot is in the bay. Return whether the drive is done."""
+    if not is_in_bay(m, robot):
+        stand_for(m, robot)
+        return False
+    end_meeting(m, robot)
+    m.robots[robot].stood = tick_of(m)
+    return end_drive(m, robot)
+
+
+@inner
+def come_onto_line(m, robot):
+    """Be on the line of the drive once the train, or all but its bin, is off the line before."""
+    me = m.robots[robot]
+    if me.has_arrived:
+        return
+    driven = me.here - me.left_at
+    if driven >= CLEAR - NEAR:
+        arrive(m, robot, m.ops[me.op].line)
+        me.has_arrived = True
+    elif driven >= ONLY_BIN - NEAR:
+        tell_followers(m, robot, m.desk[0].now)
+
+
+@inner
+def free_behind(m, robot, ahead):
+    """Return up to where a robot may drive behind the one ahead, if there is one, m."""
+    if ahead == c.NONE:
+        return FAR
+    return room_in_steps(m, robot, ahead, speed_of(m, m.ops[m.robots[robot].op]) * TIME_STEP)
+
+
+@inner
+def tell_limit(m, robot, limit):
+    """Let the robots behind know up to where this one now drives on its line."""
+    me = m.robots[robot]
+    if not me.has_arrived:
+        return
+    if limit > me.line_end + NEAR:
+        me.line_end = limit
+        tell_followers(m, robot, noticed_at(m, robot))
+    elif limit < me.line_end - NEAR:
+        stop_short(m, robot, limit)
+
+
+@inner
+def halt(m, robot, ahead, free_to):
+    """Stand where the drive ends, or before what is in the way. Return whether the drive is done.
+
+    `free_to`: up to where the robot ahead lets it drive, m.
+    """
+    me = m.robots[robot]
+    me.stood = tick_of(m)
+    if me.bin != c.NONE and me.leg_ended == me.stood:
+        # Its bin runs on for a tick, and who stands behind that drives a step.
+        tell_followers(m, robot, m.desk[0].now + c.QUARTERS * NOTICED)
+    is_held_up = ahead != c.NONE and free_to <= me.here + NEAR
+    if me.stop - me.here <= NEAR or (is_held_up and is_in_bay(m, robot)):
+        return end_drive(m, robot)
+    if is_held_up:
+        stand(m, robot, ahead)
+    else:
+        stand(m, robot, c.NONE)
+    return False
+
+
+@inner
+def begin_leg(m, robot, limit, ticks):
     """Drive up to a limit, or to where something changes before it.
 
-    `goal`: where the leg ended if no robot were ahead; `ticks`: until the robot asks for places.
+    The robot knows the leg's goal, and the robot ahead. `ticks`: until it asks for places.
     """
     me = m.robots[robot]
     op = m.ops[me.op]
     stride = speed_of(m, op) * TIME_STEP
     until = min(limit, next_place_freed(m, robot))
     if not me.has_arrived:
-        is_only_bin = me.here - me.left_at >= ONLY_BIN - NEAR
-        until = min(until, me.left_at + (CLEAR if is_only_bin else ONLY_BIN))
+        until = min(until, me.left_at + off_the_line_before(me))
     ticks = min(ceil((until - me.here) / stride - NEAR), ticks)
     if me.wanted != 0:
         me.hears_grants = True
-        if limit < goal:
+        if limit < me.leg_goal:
             ticks = min(ticks, ticks_to_answer(m, robot))
     if op.picks:
         hear_repaired(m, robot)
@@ -223,13 +274,20 @@ def begin_leg(m, robot, goal, limit, ahead, ticks):
     me.leg_begun = tick_of(m)
     me.leg_from = me.here
     me.leg_stride = stride
-    me.leg_limit = limit
-    me.leg_goal = goal
-    me.leg_ahead = ahead
     if op.is_seen:
         see_leg(m, robot, limit)
     me.state = c.DRIVING
     set_alarm(m, robot, ticks)
+
+
+@inner
+def off_the_line_before(me):
+    """Return how far a robot drives from the line before until less of it is there, m: only its
+    bin, and then nothing.
+    """
+    if me.here - me.left_at >= ONLY_BIN - NEAR:
+        return CLEAR
+    return ONLY_BIN
 
 
 @inner
@@ -409,7 +467,9 @@ def ticks_to_look(m, robot):
     me.turns += 1
     if me.turns == draws:
         m.desk[0].lacks_draws = True
-    return look.ticks if me.bin == c.NONE else look.ticks_towing
+    if me.bin == c.NONE:
+        return look.ticks
+    return look.ticks_towing
 
 
 @inner

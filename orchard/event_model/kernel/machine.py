@@ -113,17 +113,26 @@ def run(m, until):
         if time >= until:
             return c.PAUSED
         m.desk[0].now = time
-        if (kind == c.COME or kind == c.ORDER) and lacks_job(m, robot):
-            return c.LACKS_JOB
-        if m.desk[0].lacks_draws:
-            return c.LACKS_DRAWS
-        if kind == c.DISPATCH and asks_python(m):
-            return c.ASKS_POLICY
-        if kind == c.CALL_HEARD and asks_ways(m):
-            return c.ASKS_WAYS
-        if len(m.log) > 0 and m.desk[0].logged + MOST_NOTES > len(m.log):
-            return c.LOG_IS_FULL
+        lack = what_lacks(m, kind, robot)
+        if lack != c.NONE:
+            return lack
         happen(m, kind, robot)
+
+
+@inner
+def what_lacks(m, kind, robot):
+    """Return what Python must do before an event can happen, as a reason to stop; NONE: nothing."""
+    if (kind == c.COME or kind == c.ORDER) and lacks_job(m, robot):
+        return c.LACKS_JOB
+    if m.desk[0].lacks_draws:
+        return c.LACKS_DRAWS
+    if kind == c.DISPATCH and asks_python(m):
+        return c.ASKS_POLICY
+    if kind == c.CALL_HEARD and asks_ways(m):
+        return c.ASKS_WAYS
+    if len(m.log) > 0 and m.desk[0].logged + MOST_NOTES > len(m.log):
+        return c.LOG_IS_FULL
+    return c.NONE
 
 
 @inner
@@ -208,85 +217,115 @@ def wake(m, robot):
 @inner
 def begin(m, robot):
     """Begin an op. Return whether it is done at once."""
-    me = m.robots[robot]
-    op = m.ops[me.op]
-    kind = op.kind
+    kind = m.ops[m.robots[robot].op].kind
     if kind == c.DRIVE:
         return depart(m, robot)
     if kind == c.TURN:
         return turn(m, robot)
     if kind == c.PAUSE:
-        me.state = c.LASTING
-        set_alarm(m, robot, op.ticks + me.hears_later)
-        me.hears_later = 0
-        return False
-    if kind == c.UNLOAD:
-        return unload(m, robot)
+        return pause(m, robot)
     if kind == c.NEED:
-        me.state = c.WAITING_FOR_PLACES
-        return seize(m, robot, c.NONE)
-    if kind == c.FREE:
-        free_places(m, robot, op.places)
-        return True
+        return await_places(m, robot)
     if kind == c.ALONE_IN:
         return ask_for_lone_place(m, robot)
+    if kind == c.UNLOAD:
+        return unload(m, robot)
+    if kind == c.CHARGED:
+        return await_charge(m, robot)
+    if c.DELIVER <= kind <= c.LEAVE_BIN:
+        return begin_to_handle(m, robot, kind)
+    if kind == c.END:
+        m.robots[robot].state = c.IDLE
+        return False
+    do_at_once(m, robot, kind)
+    return True
+
+
+@inner
+def pause(m, robot):
+    """Stand for as long as the op says. Return that it is not done."""
+    me = m.robots[robot]
+    me.state = c.LASTING
+    set_alarm(m, robot, m.ops[me.op].ticks + me.hears_later)
+    me.hears_later = 0
+    return False
+
+
+@inner
+def await_places(m, robot):
+    """Stand until the op's places are granted. Return whether the robot has them already."""
+    m.robots[robot].state = c.WAITING_FOR_PLACES
+    return seize(m, robot, c.NONE)
+
+
+@inner
+def begin_to_handle(m, robot, kind):
+    """Begin to couple or uncouple a bin, or to wait for one. Return that it is not done."""
     if kind == c.LEAVE_BIN:
         return handle(m, robot, c.LEAVING_BIN)
     if kind == c.DELIVER:
         return handle(m, robot, c.DROPPING_BIN)
     if kind == c.TAKE_BIN:
         return handle(m, robot, c.TAKING_BIN)
-    if kind == c.FETCH_EMPTY:
-        return await_bin(m, robot)
-    if kind == c.HOME:
+    return await_bin(m, robot)
+
+
+@inner
+def do_at_once(m, robot, kind):
+    """Do an op that takes no time."""
+    if kind == c.FREE:
+        free_places(m, robot, m.ops[m.robots[robot].op].places)
+    elif kind == c.HOME:
         come_home(m, robot)
-        return True
-    if kind == c.HAUL:
+    elif kind == c.HAUL:
         haul(m, robot)
-        return True
-    if kind == c.MAY_CHARGE:
+    elif kind == c.MAY_CHARGE:
         may_charge(m, robot)
-        return True
-    if kind == c.CHARGE:
+    elif kind == c.CHARGE:
         ask_for_charger(m, robot)
-        return True
-    if kind == c.CHARGED:
-        return await_charge(m, robot)
-    if kind == c.BEGIN_ROW:
+    elif kind == c.BEGIN_ROW:
         see_row(m, robot)
-        return True
-    if kind == c.END_ROW:
+    else:
         note_full(m, robot)
-        return True
-    me.state = c.IDLE
-    return False
 
 
 @inner
 def go_on(m, robot):
     """Go on with an op that took time. Return whether it is done."""
-    me = m.robots[robot]
-    state = me.state
+    state = m.robots[robot].state
     if state == c.DRIVING:
         end_leg(m, robot)
     if is_flat(m, robot):
-        # The bay takes the bin of a carrier that cannot leave it.
-        is_in_bay = state == c.LASTING and m.ops[me.op].kind == c.UNLOAD
-        if is_in_bay and not end_lasting(m, robot):
-            return False
-        return stop_flat(m, robot)
+        return get_flat(m, robot)
     if state == c.DRIVING or state == c.STANDING:
         return drive_on(m, robot)
-    if state == c.FLAT:
-        return go_on_charged(m, robot)
-    if state == c.SWINGING_BIN or state == c.SWINGING_OFF:
-        return swung(m, robot)
-    if state == c.LASTING:
-        return end_lasting(m, robot)
+    if c.LEAVING_BIN <= state <= c.TAKING_BIN:
+        return go_on_handling(m, robot, state)
+    if c.SWINGING_BIN <= state <= c.LASTING or state == c.LOOKING_AROUND:
+        return go_on_turning(m, robot, state)
     if state == c.WAITING_FOR_PLACES:
         return seize(m, robot, c.NONE)
     if state == c.WAITING_FOR_PARTNER:
         return await_partner_gone(m, robot)
+    return go_on_delayed(m, robot, state)
+
+
+@inner
+def get_flat(m, robot):
+    """Stand with a flat battery. Return that the op is not done.
+
+    The bay takes the bin of a carrier that cannot leave it.
+    """
+    me = m.robots[robot]
+    is_in_bay = me.state == c.LASTING and m.ops[me.op].kind == c.UNLOAD
+    if is_in_bay and not end_lasting(m, robot):
+        return False
+    return stop_flat(m, robot)
+
+
+@inner
+def go_on_handling(m, robot, state):
+    """Go on to couple or uncouple a bin, or to hand it over. Return whether the op is done."""
     if state == c.LEAVING_BIN:
         return leave_bin(m, robot)
     if state == c.DROPPING_BIN:
@@ -299,16 +338,32 @@ def go_on(m, robot):
         return couple(m, robot)
     if state == c.TAKING_PLACE:
         return take_place(m, robot)
-    if state == c.TAKING_BIN:
-        return take_bin(m, robot)
-    if state == c.MEETING:
-        return go_on_alone(m, robot)
+    return take_bin(m, robot)
+
+
+@inner
+def go_on_turning(m, robot, state):
+    """Go on with a turn, or with what else lasts for a time. Return whether the op is done."""
+    if state == c.LASTING:
+        return end_lasting(m, robot)
     if state == c.LOOKING_AROUND:
         return swing(m, robot)
+    return swung(m, robot)
+
+
+@inner
+def go_on_delayed(m, robot, state):
+    """Go on after a meeting, a repair or a charge, or with a new plan. Return whether the op is
+    done.
+    """
+    if state == c.MEETING:
+        return go_on_alone(m, robot)
     if state == c.REPAIRED:
         return go_on_repaired(m, robot)
     if state == c.WAITING_FOR_CHARGE:
         return await_charge(m, robot)
+    if state == c.FLAT:
+        return go_on_charged(m, robot)
     return True
 
 

@@ -55,20 +55,30 @@ def see_row(m, picker):
     full = tick + ticks_to_fill(m, op, drive, speed_seen(m, op, drive))
     call = m.calls[picker]
     if call.bin != me.bin:
-        call.bin = me.bin
-        call.end = drive.end
-        call.is_reported = False
-        call.is_open = False
-        call.is_booked = False
-        call.failed = c.NONE
-        call.is_served = False
-        call.silent_since = c.NEVER
+        begin_call(m, picker, me.bin, drive.end)
     call.full = full
     call.mean_full = tick + ticks_to_fill(m, op, drive, m.desk[0].mean_speed)
     call.measured = tick + MEASURED
     call.stood_until = c.NONE
     if not call.is_reported:
         begin_reports(m, picker, max(seen, ceil(full - m.desk[0].horizon / TIME_STEP)))
+
+
+@inner
+def begin_call(m, picker, name, end):
+    """Know a picker's next bin, of which nobody else knows yet.
+
+    `name`: the bin. `end`: the lane's end at which it is left.
+    """
+    call = m.calls[picker]
+    call.bin = name
+    call.end = end
+    call.is_reported = False
+    call.is_open = False
+    call.is_booked = False
+    call.failed = c.NONE
+    call.is_served = False
+    call.silent_since = c.NEVER
 
 
 @inner

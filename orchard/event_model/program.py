@@ -7,7 +7,7 @@ job is translated when it is first ordered.
 """
 
 from functools import singledispatchmethod
-from math import floor, inf
+from math import floor
 from threading import RLock
 from typing import Any
 
@@ -17,8 +17,19 @@ from orchard.event_model import codes as c
 from orchard.event_model import columns
 from orchard.event_model.draws import has_failures
 from orchard.event_model.tables import Lines, PlaceLists, Table
-from orchard.event_model.writer import INSERTING, Writer, failing, handling, put_by
-from orchard.field.geometry import Pose, nearest_heading
+from orchard.event_model.writer import (
+    INSERTING,
+    Writer,
+    along,
+    failing,
+    handling,
+    pace,
+    put_by,
+    seen,
+    sign_of,
+    unloads_from,
+)
+from orchard.field.geometry import Pose
 from orchard.field.kinds import number_of
 from orchard.field.layout import Layout
 from orchard.field.queue import BESIDE
@@ -69,7 +80,9 @@ class Program:
         # The first op of a plan -> of each of its steps the op at which it, or what follows it,
         # begins, and last the op that ends the plan.
         self.begins: dict[int, list[int]] = {}
-        share = 1 if layout.scenario.route in ROUTES else OWN_SHARE
+        share = 1
+        if layout.scenario.route not in ROUTES:
+            share = OWN_SHARE
         self.places = PlaceLists(share * (PLACES_PER_LANE * lanes + BESIDE_LANES))
         self.lines = Lines(share * (LINES_PER_LANE * lanes + BESIDE_LANES))
         # Of the failures on a route of the user's own; None: that of the scenario.
@@ -85,15 +98,11 @@ class Program:
             for side in SIDES:
                 metres, seconds = way_to(self.route, lane.number, self.route.sides[side])
                 self.ends[self.end_number(lane.number, side)] = (metres, seconds)
-        # From each line's head. A route of the user's own may measure otherwise behind it.
+        # m from each line's head, and whether a route of the user's own measures otherwise behind
+        # it.
         self.ways = np.zeros(self.jobs.shape)
         self.has_own_measure = False
-        for queue_line, y in enumerate(self.queue_lines):
-            for end in range(2 * lanes):
-                self.ways[queue_line, end] = self._metres_to(queue.head, y, end)
-                longer = self._metres_to(queue.head - 1.0, y, end) - self.ways[queue_line, end]
-                if abs(longer - 1.0) > ROUNDING:
-                    self.has_own_measure = True
+        self._measure_ways()
         # s before it is full at which a bin calls, as `forecast.horizon` says.
         self.horizon = float(max(self.ends.seconds)) + EARLIER
         self.bins = 0
@@ -102,6 +111,17 @@ class Program:
         self.harvests = {name: self._translate_harvest(name) for name in layout.blocks}
         # Of each line of the queue, the op at which waiting begins.
         self.waiting = [self._translate_waiting(y) for y in self.queue_lines]
+
+    def _measure_ways(self) -> None:
+        """Set the ways from the heads of the queue's lines to all ends of lanes."""
+        head = self.layout.queue.head
+        for queue_line, end in np.ndindex(self.ways.shape):
+            y = self.queue_lines[queue_line]
+            metres = self._metres_to(head, y, end)
+            self.ways[queue_line, end] = metres
+            longer = self._metres_to(head - 1.0, y, end) - metres
+            if abs(longer - 1.0) > ROUNDING:
+                self.has_own_measure = True
 
     def __getstate__(self) -> dict[str, Any]:
         """Return all but the lock, which is of this process."""
@@ -254,12 +274,9 @@ class Program:
     def _(self, step: st.DriveTo, writer: Writer) -> None:
         pose = writer.pose
         end, _ = step.motion(pose, writer.machine)
-        along_x = step.x is not None
-        is_ahead = nearest_heading(pose.yaw) in ("EAST", "NORTH")
-        sign = 1 if is_ahead else -1
+        sign = sign_of(pose)
         metres = abs(end.x - pose.x) + abs(end.y - pose.y)
         self._begin_row_on_drive(step, writer, metres)
-        row = self._picked_row(step, writer)
         first_need = len(self.needs)
         for gate in step.needs:
             self._append_gate(self.needs, gate, sign)
@@ -269,19 +286,18 @@ class Program:
         self._append(
             step,
             c.DRIVE,
-            target=sign * (end.x if along_x else end.y),
+            target=sign * along(step, end),
             metres=metres,
-            speed=0.0 if row is not None else step.speed_of(writer.machine),
-            line=self.lines.number_of(0 if along_x else 1, pose.y if along_x else pose.x, sign),
+            line=self._line_of(step, pose),
             first_need=first_need,
             last_need=len(self.needs),
             first_free=first_free,
             last_free=len(self.frees),
-            arg=c.NONE if row is None else row,
             is_queueing=step.queueing,
-            unloads_from=sign * step.unloads_from if isinstance(step, st.DriveToBay) else inf,
+            unloads_from=unloads_from(step, sign),
             picks=writer.state == "picking",
-            **self._seen(writer, end, sign),
+            **pace(step, writer, self.layout),
+            **seen(writer, self.layout, self.route),
             **failing(writer),
         )
 
@@ -444,39 +460,11 @@ class Program:
             tells_on_drive=before + to_end > ALONG,
         )
 
-    def _seen(self, writer: Writer, end: Pose, sign: int) -> dict[str, Any]:
-        """Return the columns of a drive that tell what a picker's bin sees of it.
-
-        `end`: where the drive leads. `sign`: of its line.
-        """
-        if not writer.passes:
-            return {}
-        _, drive = writer.passes[0]
-        is_in_row = abs(writer.pose.y - self.layout.lane(drive.row).y) < ALONG
-        heading = "EAST" if drive.end == "east" else "WEST"
-        is_along = nearest_heading(writer.pose.yaw) == heading
-        if not drive.leaves_bin or not is_in_row or not is_along:
-            return {}
-        row_end = self.route.end(drive.row, self.route.sides[drive.end])
-        begin = drive.begin
-        if writer.state == "picking" or sign * writer.pose.x > sign * begin:
-            begin = writer.pose.x
-        drives_first = sign * (begin - writer.pose.x) > ALONG
-        drives_after = abs(row_end - drive.stop) > ALONG
-        return {
-            "is_seen": True,
-            "tells_to": sign * row_end,
-            "tells_on_drive": drives_first or drives_after,
-        }
-
-    def _picked_row(self, step: st.DriveTo, writer: Writer) -> int | None:
-        """Return the row, from 0, at the speed of which a drive picks; None if it picks nothing."""
-        if writer.state != "picking" or not writer.passes:
-            return None
-        _, drive = writer.passes[0]
-        if step.speed != self.layout.lane(drive.row).picking_speed:
-            return None
-        return drive.row - 1
+    def _line_of(self, step: st.DriveTo, pose: Pose) -> int:
+        """Return the line along which a drive leads that begins at a pose."""
+        if step.x is None:
+            return self.lines.number_of(1, pose.x, sign_of(pose))
+        return self.lines.number_of(0, pose.y, sign_of(pose))
 
     # -- rows
 

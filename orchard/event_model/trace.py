@@ -83,5 +83,7 @@ def _drive_words(harvest: EventHarvest, op: Any) -> str:
     for number, y in enumerate(harvest.program.queue_lines, 1):
         if abs(y - line.other) < NEAR:
             along = f"line {number} of the queue"
-    verb = "picks" if op.speed == 0.0 else "drives"
+    verb = "drives"
+    if op.speed == 0.0:
+        verb = "picks"
     return f"{verb} along {along} to x = {end:.2f}"

@@ -2,13 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any, cast
 
-from orchard.field.geometry import Pose
+from orchard.event_model import codes as c
+from orchard.field.geometry import Pose, nearest_heading
+from orchard.field.layout import Layout
 from orchard.field.machines import Machine
 from orchard.field.passes import Pass
 from orchard.plans import steps as st
+from orchard.plans.forecast import ALONG
 from orchard.plans.robot import Step
+from orchard.plans.route import OneWay
 
 # Steps that put others in their place.
 INSERTING = (st.Ahead, st.MoveTo, st.Repair)
@@ -66,3 +71,68 @@ def failing(writer: Writer) -> dict[str, float]:
     if step is None:
         return {}
     return {"mean_between": step.mean_between, "mean_repair": step.mean_repair}
+
+
+# -- drives
+
+
+def sign_of(pose: Pose) -> int:
+    """Return the sign of the direction in which a robot looks: along its axis, or against it."""
+    if nearest_heading(pose.yaw) in ("EAST", "NORTH"):
+        return 1
+    return -1
+
+
+def along(step: st.DriveTo, end: Pose) -> float:
+    """Return the coordinate along its axis at which a drive ends, m."""
+    if step.x is None:
+        return end.y
+    return end.x
+
+
+def unloads_from(step: st.DriveTo, sign: int) -> float:
+    """Return from where on a carrier that is held up unloads on a drive, along its line, m."""
+    if isinstance(step, st.DriveToBay):
+        return sign * step.unloads_from
+    return inf
+
+
+def pace(step: st.DriveTo, writer: Writer, layout: Layout) -> dict[str, Any]:
+    """Return the columns of a drive that tell how fast it is: at a speed, or as a row is picked."""
+    row = _picked_row(step, writer, layout)
+    if row is None:
+        return {"speed": step.speed_of(writer.machine), "arg": c.NONE}
+    return {"speed": 0.0, "arg": row}
+
+
+def _picked_row(step: st.DriveTo, writer: Writer, layout: Layout) -> int | None:
+    """Return the row, from 0, at the speed of which a drive picks; None if it picks nothing."""
+    if writer.state != "picking" or not writer.passes:
+        return None
+    _, drive = writer.passes[0]
+    if step.speed != layout.lane(drive.row).picking_speed:
+        return None
+    return drive.row - 1
+
+
+def seen(writer: Writer, layout: Layout, route: OneWay) -> dict[str, Any]:
+    """Return the columns of a drive that tell what a picker's bin sees of it."""
+    if not writer.passes:
+        return {}
+    _, drive = writer.passes[0]
+    is_in_row = abs(writer.pose.y - layout.lane(drive.row).y) < ALONG
+    is_along = nearest_heading(writer.pose.yaw) == drive.end.upper()
+    if not drive.leaves_bin or not is_in_row or not is_along:
+        return {}
+    sign = sign_of(writer.pose)
+    row_end = route.end(drive.row, route.sides[drive.end])
+    begin = drive.begin
+    if writer.state == "picking" or sign * writer.pose.x > sign * begin:
+        begin = writer.pose.x
+    drives_first = sign * (begin - writer.pose.x) > ALONG
+    drives_after = abs(row_end - drive.stop) > ALONG
+    return {
+        "is_seen": True,
+        "tells_to": sign * row_end,
+        "tells_on_drive": drives_first or drives_after,
+    }

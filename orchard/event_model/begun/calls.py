@@ -11,7 +11,8 @@ from orchard.contract.messages import CarrierStatus, Here, Offer, unpack
 from orchard.dispatch.policies import dispatch_of
 from orchard.event_model import codes as c
 from orchard.event_model.begun.moment import RunMoment
-from orchard.event_model.begun.robots import Doing, Ops
+from orchard.event_model.begun.ops import Ops
+from orchard.event_model.begun.robots import Doing
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel import calls as kernel
 from orchard.event_model.kernel import reports
@@ -74,8 +75,9 @@ class CallsOfBins:
         name = carrier.memory.delivered
         picker = self._robots[carrier.more["customer"]]
         picker.more["bringer"] = carrier.number
-        has_taken = picker.memory.taken == name
-        self._model.bins[self._bins[name]].taken = self._tick - 1 if has_taken else c.NEVER
+        self._model.bins[self._bins[name]].taken = c.NEVER
+        if picker.memory.taken == name:
+            self._model.bins[self._bins[name]].taken = self._tick - 1
         requests = self._moment.requests(carrier.name)
         if any(isinstance(request, Here) for request in requests):
             brought = c.QUARTERS * (self._tick - 1) + MAIL
@@ -161,7 +163,9 @@ class CallsOfBins:
             return c.NEVER
         stands = self._ops.tells_on_drive[picker.op] and not picker.memory.driving
         is_out = picker.here > float(self._ops.tells_to[picker.op]) + ALONG
-        return silent if stands or is_out else c.NEVER
+        if stands or is_out:
+            return silent
+        return c.NEVER
 
     def _last_op(self, picker: Doing, kind: int) -> int | None:
         """Return a picker's last op of a kind since it got its present bin; None if there is
@@ -228,7 +232,9 @@ class CallsOfBins:
         if chosen:
             call.carrier = self._numbers[chosen].number
             # It is sent for two ticks after the call was heard, and hears that a tick later.
-            sent = memory.asked if memory.carrier else self._tick
+            sent = self._tick
+            if memory.carrier:
+                sent = memory.asked
             timers[c.COME, picker.number] = c.QUARTERS * max(self._tick, sent + ORDERED)
         elif memory.asked == self._tick - 1:
             timers[c.CALL_HEARD, picker.number] = c.QUARTERS * self._tick
@@ -242,7 +248,10 @@ class CallsOfBins:
         for sender, answer in self._moment.answers(name):
             if isinstance(answer, Offer):
                 offers.append((round(answer.distance, 3), sender))
-        return min(offers)[1] if offers else ""
+        if not offers:
+            return ""
+        _, nearest = min(offers)
+        return nearest
 
     def _take_over_offers(self) -> None:
         """Set which calls carriers have heard, and which offers they have made."""
@@ -270,8 +279,10 @@ class CallsOfBins:
             self._order(picker, booking.carrier, booking.told + HEARD)
             self._plan_order(picker, booking.told - REPORTED)
         else:
-            is_on_its_way = memory.asked == self._tick - 1
-            asks = memory.asked if is_on_its_way else memory.asked + CALL_AGAIN
+            asks = memory.asked
+            is_on_its_way = asks == self._tick - 1
+            if not is_on_its_way:
+                asks += CALL_AGAIN
             self._order(picker, booking.carrier, asks + HEARD + ORDERED)
             self._plan_order(picker, asks)
 

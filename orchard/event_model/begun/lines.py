@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchard.event_model import codes as c
-from orchard.event_model.begun.robots import Doing, Ops
+from orchard.event_model.begun.ops import Ops
+from orchard.event_model.begun.robots import Doing
 from orchard.event_model.harvest import EventHarvest
-from orchard.event_model.kernel import drives, roads
+from orchard.event_model.kernel import roads, turns
 from orchard.event_model.kernel.roads import BESIDE, CLEAR, NEAR, OFF_THE_LINE
 from orchard.event_model.plain import as_python
 from orchard.event_model.program import Program
@@ -76,7 +77,9 @@ class LinesOfRobots:
         """Return on which line a robot is when its plan begins: a carrier that gets a job stands in
         its line of the queue.
         """
-        done = me.op - me.first if me.decided is None else me.decided - me.job_first
+        done = me.op - me.first
+        if me.decided is not None:
+            done = me.decided - me.job_first
         if "customer" not in me.more or done > LOOKED_BACK:
             return OnLine()
         line = int(self._ops.line[self._program.waiting[me.more["queue_line"]]])
@@ -85,7 +88,9 @@ class LinesOfRobots:
 
     def _along(self, line: int, x: float, y: float) -> float:
         """Return where a point is along a line, m."""
-        return float(self._sign[line]) * (x if self._axis[line] == 0 else y)
+        if self._axis[line] == 0:
+            return float(self._sign[line]) * x
+        return float(self._sign[line]) * y
 
     # -- what was before
 
@@ -129,7 +134,9 @@ class LinesOfRobots:
         """Whether a robot is clear of the line on which it was."""
         if on_line.line == c.NONE:
             return False
-        across = me.pose.y if self._axis[on_line.line] == 0 else me.pose.x
+        across = me.pose.x
+        if self._axis[on_line.line] == 0:
+            across = me.pose.y
         return abs(across - float(self._other[on_line.line])) > BESIDE
 
     # -- what goes on
@@ -152,7 +159,7 @@ class LinesOfRobots:
 
     def _leads_back(self, on_line: OnLine, me: Doing) -> bool:
         """Whether a robot turns into a line beside the one that it has left, along it."""
-        leads_back: bool = as_python(drives.leads_back)(self._model, me.op, on_line.line)
+        leads_back: bool = as_python(turns.leads_back)(self._model, me.op, on_line.line)
         return leads_back
 
     def _note_swing(self, me: Doing, is_aside: bool) -> None:
@@ -185,8 +192,8 @@ class LinesOfRobots:
         me.more["left_at"] = self._left_at(on_line, me.op, begun)
         me.more["stop"] = target
         if me.more.get("fails") and isinstance(me.step, st.DriveTo):
-            at = me.step.x if me.step.y is None else me.step.y
-            me.more["stop"] = sign * float(at or 0.0)
+            # One of the two is None.
+            me.more["stop"] = sign * float(me.step.x or me.step.y or 0.0)
         me.more["next_need"] = int(ops.first_need[me.op])
         me.more["next_free"] = int(ops.first_free[me.op])
         has_arrived = self._arrive(on_line, me.op, me.here)

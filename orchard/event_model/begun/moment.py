@@ -26,7 +26,9 @@ class RunMoment:
     def requests(self, sender: str, age: int = 1) -> list[Request]:
         """Return the requests that an agent sent `age` ticks ago. Those of 1 are not heard yet."""
         written = self.letters.get(self.tick - age, {}).get(sender)
-        return [request for _, request in written.requests] if written else []
+        if written is None:
+            return []
+        return [request for _, request in written.requests]
 
     def answers(self, receiver: str) -> Iterator[tuple[str, Answer]]:
         """Yield the answers that an agent hears at the next tick, each with its sender."""

@@ -5,7 +5,8 @@ import numpy as np
 from orchard.contract.messages import Places
 from orchard.event_model import codes as c
 from orchard.event_model.begun.claims import Claims
-from orchard.event_model.begun.robots import Doing, Ops
+from orchard.event_model.begun.ops import Ops
+from orchard.event_model.begun.robots import Doing
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel.places import ANSWERED, BEFORE_ACTING, HEARD
 from orchard.plans.robot import GIVEN_BACK, PATIENCE

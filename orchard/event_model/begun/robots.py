@@ -5,17 +5,15 @@ from dataclasses import dataclass, field
 from math import ceil
 from typing import Any
 
-import numpy as np
-
 from orchard.contract.messages import BinState, StateRequest, Yes
 from orchard.event_model import codes as c
 from orchard.event_model.begun.claims import Claims
 from orchard.event_model.begun.moment import RunMoment
+from orchard.event_model.begun.ops import Ops
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel.bay import later
 from orchard.event_model.kernel.roads import NEAR
 from orchard.event_model.plain import as_python
-from orchard.event_model.program import Program
 from orchard.field.geometry import HEADINGS, Pose, angle_between
 from orchard.field.kinds import kind_of
 from orchard.field.queue import BESIDE
@@ -33,32 +31,6 @@ AT_ONCE = (c.BEGIN_ROW, c.END_ROW, c.FREE, c.HAUL, c.HOME, c.MAY_CHARGE, c.CHARG
 
 class NotInPlanError(NotImplementedError):
     """A robot does something that its plan does not have, such as coming back to its course."""
-
-
-class Ops:
-    """The ops of a program, column by column. Through a recarray each look costs a microsecond."""
-
-    def __init__(self, program: Program) -> None:
-        rows = program.ops.array.view(np.ndarray)
-        self.kind = rows["kind"]
-        self.target = rows["target"]
-        self.unloads_from = rows["unloads_from"]
-        self.metres = rows["metres"]
-        self.speed = rows["speed"]
-        self.seconds = rows["seconds"]
-        self.line = rows["line"]
-        self.first_need = rows["first_need"]
-        self.last_need = rows["last_need"]
-        self.first_free = rows["first_free"]
-        self.ticks = rows["ticks"]
-        self.handles = rows["handles"]
-        self.handles_at_rest = rows["handles_at_rest"]
-        self.swings = rows["swings"]
-        self.places = rows["places"]
-        self.arg = rows["arg"]
-        self.is_seen = rows["is_seen"]
-        self.tells_to = rows["tells_to"]
-        self.tells_on_drive = rows["tells_on_drive"]
 
 
 @dataclass
@@ -182,7 +154,9 @@ class Robots:
 
     def _first_to_charge(self, decides: int | None) -> int | None:
         """Return the op at which a plan to charge begins, if a carrier has one."""
-        return None if decides is None else int(self.ops.arg[decides])
+        if decides is None:
+            return None
+        return int(self.ops.arg[decides])
 
     def _be_away(self, me: Doing) -> None:
         """Be away at the load-out for the rest of the time. One that charges after it gets no call
@@ -219,7 +193,9 @@ class Robots:
             return self.program.waiting[line]
         end = self.program.end_number(job.lane, job.side)
         first = int(self.program.jobs[line, end])
-        return self.program.translate_job(line, end) if first == c.NONE else first
+        if first == c.NONE:
+            first = self.program.translate_job(line, end)
+        return first
 
     def _doing(self, name: str, first: int, unplanned: int) -> Doing:
         """Return what a robot does. `unplanned`: steps of its plan that its memory has not yet."""
@@ -227,30 +203,24 @@ class Robots:
         if memory.way:
             raise NotInPlanError(f"{name} comes back to its course")
         inserted = _inserted(memory)
-        begins = self.program.begins[first]
-        number = len(begins) - 1 - (len(memory.plan) - inserted) - unplanned
-        step = memory.plan[0] if memory.plan else None
-        # At the start of a run it turns to face along its line.
-        is_at_start = number == -1 and isinstance(step, st.Realign)
-        if number < 0 and not is_at_start:
-            raise NotInPlanError(f"{name} has steps that are not of its plan")
+        op = self._op_of(name, first, inserted, unplanned)
         body = self.layout.index[name]
-        hitch = self._coupled[body]
-        op = begins[0] if is_at_start else self._lasting(begins[number])
         me = Doing(
             name=name,
             number=self.numbers[name],
             memory=memory,
             pose=Pose(*self._pose[body]),
-            bin=c.NONE if hitch == NONE else self.bins[self.layout.names[hitch]],
+            bin=self._bin_on(body),
             first=first,
             op=op,
             kind=int(self.ops.kind[op]),
-            step=step,
+            step=_step_of(memory),
             alarm=self.tick,
         )
         me.more["done"] = memory.done
-        me.more["stood"] = self.tick if memory.moving else memory.since
+        me.more["stood"] = memory.since
+        if memory.moving:
+            me.more["stood"] = self.tick
         me.more["failures"] = memory.failures
         me.more["worked"] = memory.worked
         if inserted:
@@ -258,6 +228,27 @@ class Robots:
         else:
             self._go_on(me)
         return me
+
+    def _op_of(self, name: str, first: int, inserted: int, unplanned: int) -> int:
+        """Return the op in which a robot is. `inserted`: steps that a failure has put before its
+        plan. `first`, `unplanned`: see `_doing`.
+        """
+        memory = self._memory(name)
+        begins = self.program.begins[first]
+        number = len(begins) - 1 - (len(memory.plan) - inserted) - unplanned
+        if number >= 0:
+            return self._lasting(begins[number])
+        if number == -1 and isinstance(_step_of(memory), st.Realign):
+            # At the start of a run it turns to face along its line.
+            return begins[0]
+        raise NotInPlanError(f"{name} has steps that are not of its plan")
+
+    def _bin_on(self, body: int) -> int:
+        """Return the bin on the bar of a robot, which is a body of the layout; NONE: none."""
+        hitch = self._coupled[body]
+        if hitch == NONE:
+            return c.NONE
+        return self.bins[self.layout.names[hitch]]
 
     def _lasting(self, op: int) -> int:
         """Return the first op from here on that takes time: the step before it has begun."""
@@ -348,8 +339,9 @@ class Robots:
 
     def _handle(self, me: Doing, state: int) -> None:
         """Couple or uncouple for the rest of the time that it takes."""
-        has_moved = int(self.ops.kind[me.op - 1]) in MOVES
-        handles = self.ops.handles if has_moved else self.ops.handles_at_rest
+        handles = self.ops.handles_at_rest
+        if int(self.ops.kind[me.op - 1]) in MOVES:
+            handles = self.ops.handles
         ticks = int(handles[me.op])
         me.state = state
         me.alarm = max(self.tick, me.memory.since + ticks)
@@ -474,6 +466,11 @@ class Robots:
         if isinstance(step, st.Wait):
             me.state = c.REPAIRED
             me.alarm = max(self.tick, me.memory.since + ceil(step.seconds / TIME_STEP - NEAR))
+
+
+def _step_of(memory: Any) -> Step | None:
+    """Return the step that is first in a robot's memory; None: its plan is done."""
+    return memory.plan[0] if memory.plan else None
 
 
 def _has_step(memory: Any, step: type[Step]) -> bool:

@@ -1,6 +1,4 @@
-"""Drives and turns: a robot drives leg by leg, up to a gate whose places it lacks or the robot
-ahead.
-"""
+"""Drives: a robot drives leg by leg, up to a gate whose places it lacks or the robot ahead."""
 
 from math import ceil, floor
 
@@ -24,23 +22,19 @@ from orchard.event_model.kernel.reports import (
     see_standing,
 )
 from orchard.event_model.kernel.roads import (
-    BESIDE,
     CLEAR,
     NEAR,
     NOTICED,
-    OFF_THE_LINE,
     ONLY_BIN,
     enter,
-    leave,
     noticed_at,
     robot_ahead,
     room_in_steps,
     stop_short,
     tell_followers,
-    ticks_of_parts,
     ticks_to_swing_clear,
 )
-from orchard.event_model.swing import ASIDE, CARRIER
+from orchard.event_model.swing import CARRIER
 from orchard.field.scenario import TIME_STEP
 from orchard.plans import failures, steps
 from orchard.plans.robot import ASK, LOOK_AGAIN
@@ -52,9 +46,6 @@ is_freed = inner(failures.is_freed)
 CARRIER_TOWS = CARRIER.tows
 # As a coordinate: none.
 FAR = 1e18
-
-
-# -- drives
 
 
 @inner
@@ -436,122 +427,3 @@ def ticks_to_word(m, robot):
     """Return the ticks until a carrier hears the next answer of its full bin."""
     asked = tick_of(m) - m.robots[robot].bin_asked
     return LOOK_AGAIN - (asked - ASK) % LOOK_AGAIN
-
-
-# -- turns
-
-
-@inner
-def turn(m, robot):
-    """Begin a turn, once nobody is near."""
-    me = m.robots[robot]
-    note_rest(m, robot)
-    me.moved += m.ops[me.op].ticks
-    me.moved_at = tick_of(m) + m.ops[me.op].ticks
-    ticks = ticks_to_look(m, robot)
-    if ticks == 0:
-        return swing(m, robot)
-    me.state = c.LOOKING_AROUND
-    set_alarm(m, robot, ticks)
-    return False
-
-
-@inner
-def ticks_to_look(m, robot):
-    """Return for how many ticks a robot stands before a turn; 0 if nobody is about."""
-    draws = m.looks.shape[1]
-    if draws == 0:
-        return 0
-    me = m.robots[robot]
-    look = m.looks[robot, me.turns]
-    me.turns += 1
-    if me.turns == draws:
-        m.desk[0].lacks_draws = True
-    if me.bin == c.NONE:
-        return look.ticks
-    return look.ticks_towing
-
-
-@inner
-def swing(m, robot):
-    """Turn. A bin on the bar swings clear of the robot behind, or the robot off its line."""
-    me = m.robots[robot]
-    op = m.ops[me.op]
-    if me.bin != c.NONE and not me.is_across:
-        me.state = c.SWINGING_BIN
-        set_alarm(m, robot, op.swings)
-        if me.tows == CARRIER_TOWS:
-            swing_bin(m, robot, False)
-    elif me.is_across and is_beside_line(m, robot):
-        me.state = c.SWINGING_OFF
-        set_alarm(m, robot, op.swings)
-        if turns_back(m, robot):
-            set_alarm(m, robot, min(op.ticks, ticks_of_parts(m, OFF_THE_LINE)))
-            swing_bin(m, robot, True)
-    else:
-        me.state = c.LASTING
-        set_alarm(m, robot, op.ticks)
-    return False
-
-
-@inner
-def swing_bin(m, robot, is_aside):
-    """Begin to swing a bin. Who stands behind it sees that from the next tick on."""
-    me = m.robots[robot]
-    me.swings_since = tick_of(m)
-    me.swings_aside = is_aside
-    tell_followers(m, robot, m.desk[0].now + c.QUARTERS * NOTICED)
-
-
-@inner
-def turns_back(m, robot):
-    """Whether a carrier turns in a line of the queue beside the one that it has left, along it."""
-    me = m.robots[robot]
-    is_towing = me.tows == CARRIER_TOWS and me.bin != c.NONE
-    return is_towing and leads_back(m, me.op, me.line)
-
-
-@inner
-def leads_back(m, turn_op, left_line):
-    """Whether a turn leads into a line of the queue beside the line that was left, along it."""
-    after = turn_op + 1
-    while m.ops[after].kind == c.HOME or m.ops[after].kind == c.CHARGE:
-        after += 1
-    following = m.ops[after]
-    if following.kind != c.DRIVE:
-        return False
-    left = m.lines[left_line]
-    line = m.lines[following.line]
-    is_along = line.axis == left.axis and line.sign == left.sign
-    return is_along and abs(abs(line.other - left.other) - ASIDE) < NEAR
-
-
-@inner
-def is_beside_line(m, robot):
-    """Whether a robot is clear of the line on which it was."""
-    me = m.robots[robot]
-    if me.line == c.NONE:
-        return False
-    line = m.lines[me.line]
-    across = me.y if line.axis == 0 else me.x
-    return abs(across - line.other) > BESIDE
-
-
-@inner
-def swung(m, robot):
-    """Tell the robots behind that the bin is out of their way, or the robot is, and turn on."""
-    me = m.robots[robot]
-    op = m.ops[me.op]
-    swung_for = op.swings
-    noticed = noticed_at(m, robot)
-    if me.state == c.SWINGING_BIN:
-        me.is_across = True
-    else:
-        leave(m, robot)
-    if me.swings_since != c.NEVER:
-        swung_for = tick_of(m) - me.swings_since
-        noticed = m.desk[0].now
-    tell_followers(m, robot, noticed)
-    me.state = c.LASTING
-    set_alarm(m, robot, op.ticks - swung_for)
-    return False

@@ -73,9 +73,6 @@ from orchard.event_model.kernel.drives import (
     go_on_charged,
     go_on_repaired,
     stop_flat,
-    swing,
-    swung,
-    turn,
 )
 from orchard.event_model.kernel.handling import (
     ask_for_lone_place,
@@ -97,6 +94,7 @@ from orchard.event_model.kernel.motion import set_alarm
 from orchard.event_model.kernel.places import free_places, hear_claims, hear_grant, tick_of
 from orchard.event_model.kernel.reports import see_row
 from orchard.event_model.kernel.roads import last_to_wake
+from orchard.event_model.kernel.turns import swing, swung, turn
 
 # Notes in the log, at most, of what a robot begins in one tick.
 MOST_NOTES = 64

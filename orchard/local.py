@@ -53,6 +53,7 @@ class Local:
         scenario: Scenario,
         agents: dict[str, Agent] | None = None,
         check_agents: bool = False,
+        *,
         holds: type[Lookahead] = Lookahead,
         is_hashed: bool = True,
         engine: type[Engine] = Engine,

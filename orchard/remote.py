@@ -27,8 +27,11 @@ class Remote:
     """
 
     def __init__(self, bus: Bus, keys: Keys, known: RunInfo, layout: Layout) -> None:
-        self._bus, self._keys = bus, keys
-        self.run, self.mode, self.names = known.run, known.mode, known.agents
+        self._bus = bus
+        self._keys = keys
+        self.run = known.run
+        self.mode = known.mode
+        self.names = known.agents
         self.layout = layout
 
     def play(self, name: str, agent: Agent) -> str:
@@ -38,7 +41,14 @@ class Remote:
         """
         if name not in self.names:
             raise BusError(f"{name}: no such agent; there are {', '.join(self.names)}")
-        host = Host(self._bus, self._keys, self.run, self.mode, self.layout, {name: agent})
+        host = Host(
+            self._bus,
+            self._keys,
+            run=self.run,
+            mode=self.mode,
+            layout=self.layout,
+            agents={name: agent},
+        )
         host.listen()
         try:
             host.run()

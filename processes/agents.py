@@ -67,7 +67,8 @@ def watched(host: Host) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Host agents until the run ends. Return the exit code."""
-    return run_process("agents", HostOptions, argv, _run, BusError, ValueError, ScenarioError)
+    mistakes = (BusError, ValueError, ScenarioError)
+    return run_process("agents", HostOptions, argv, _run, *mistakes)
 
 
 def _run(inbox: Inbox, options: HostOptions) -> NoReturn:
@@ -131,7 +132,15 @@ def _host(bus: Bus, options: HostOptions, identity: Identity | None, tries: int)
     if options.check_agents:
         for guard in guards.values():
             guard.check()
-    host = Host(bus, keys, run.run, run.mode, layout, guards, options.patience)
+    host = Host(
+        bus,
+        keys,
+        run=run.run,
+        mode=run.mode,
+        layout=layout,
+        agents=guards,
+        patience=options.patience,
+    )
     host.listen()
     return host
 

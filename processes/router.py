@@ -20,7 +20,8 @@ from orchard.wire.keys import PREFIX
 
 def main(argv: list[str] | None = None) -> int:
     """Route messages until a signal asks to stop. Return the exit code."""
-    return run_process("router", RouterOptions, argv, _run, BusError, ValueError)
+    mistakes = (BusError, ValueError)
+    return run_process("router", RouterOptions, argv, _run, *mistakes)
 
 
 def _run(inbox: Inbox, options: RouterOptions) -> int:

@@ -52,10 +52,10 @@ class FollowedRun(LaunchedRun):
         super().__init__(
             request,
             Credentials(request.options),
-            Network.ENDPOINT,
-            launcher.supervisor,
-            shown,
-            self._connect_to,
+            listen=Network.ENDPOINT,
+            supervisor=launcher.supervisor,
+            progress=shown,
+            connect=self._connect_to,
         )
 
     def _connect_to(

@@ -207,8 +207,8 @@ def counts_one_step_less(self: RunClock) -> None:
         self.pause()
 
 
-def without_patience(*arguments: Any) -> host.Host:
-    return host.Host(*arguments[:-1], 0.1)  # type: ignore[call-arg]
+def without_patience(*arguments: Any, **keywords: Any) -> host.Host:
+    return host.Host(*arguments, **keywords | {"patience": 0.1})
 
 
 def goes_on_while_paused(self: RunClock) -> float:

@@ -81,15 +81,15 @@ def _qos(qos: topics.QoS) -> Qos:
     reliability = QosReliability.RELIABLE if qos.reliable else QosReliability.BEST_EFFORT
     durability = QosDurability.TRANSIENT_LOCAL if qos.latched else QosDurability.VOLATILE
     return Qos(
-        QosHistory.KEEP_LAST,
-        qos.depth,
-        reliability,
-        durability,
-        NEVER,
-        NEVER,
-        QosLiveliness.AUTOMATIC,
-        NEVER,
-        False,
+        history=QosHistory.KEEP_LAST,
+        depth=qos.depth,
+        reliability=reliability,
+        durability=durability,
+        deadline=NEVER,
+        lifespan=NEVER,
+        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=NEVER,
+        avoid_ros_namespace_conventions=False,
     )
 
 
@@ -174,10 +174,13 @@ def _scans(bag: Bag, tick: int, points: Mapping[str, np.ndarray], robots: Sequen
         if name in points:
             laser = KINDS[kind_of(name)].laser
             ranges = array("f", ranges_of(points[name], laser, SCAN_BEAMS).tobytes())
-            step = laser.increment * SCAN_BEAMS
-            bag.write(
-                topics.SCAN,
+            scan = messages.scan(
                 name,
                 tick,
-                messages.scan(name, tick, ranges, laser.first, step, LASER_NEAREST, LASER_RANGE),
+                ranges,
+                angle_min=laser.first,
+                angle_increment=laser.increment * SCAN_BEAMS,
+                range_min=LASER_NEAREST,
+                range_max=LASER_RANGE,
             )
+            bag.write(topics.SCAN, name, tick, scan)

@@ -27,9 +27,9 @@ from typing import NamedTuple
 import msgspec
 
 from orchard.contract import messages
-from orchard.contract.agent import Action, Heard, Hitch, Hold, Mail, Observation
+from orchard.contract.agent import Action, Heard, Hitch, Hold, Mail, Observation, State
 from orchard.dispatch.policies import dispatch_of
-from orchard.dispatch.policy import BinReport, CarrierReport, is_early
+from orchard.dispatch.policy import BinReport, CarrierReport, Dispatch, is_early
 from orchard.field import repeatable
 from orchard.field.geometry import STILL, Pose, Twist, angle_between, from_frame, to_frame
 from orchard.field.kinds import DISPATCH, KINDS, kind_of
@@ -81,7 +81,9 @@ class BinMemory(msgspec.Struct):
     @property
     def ask_again(self) -> int:
         """Ticks from the last question to the next one."""
-        return ASK_AGAIN if self.coming else CALL_AGAIN
+        if self.coming:
+            return ASK_AGAIN
+        return CALL_AGAIN
 
 
 class Standing(NamedTuple):
@@ -102,13 +104,16 @@ class Bin:
 
     def __init__(self, layout: Layout, name: str) -> None:
         self.layout = layout
-        self.carriers = [start.name for start in layout.starts if start.kind == "carrier"]
-        policy = dispatch_of(layout)
-        has_dispatcher = DISPATCH in layout.scenario.bodiless_agents
+        self.carriers = layout.names_of("carrier")
         # None: the dispatcher decides.
-        self.policy = None if has_dispatcher else policy
+        self.policy: Dispatch | None = None
         # None: it calls when it is full.
-        self.forecast = Forecast(layout) if has_dispatcher and is_early(policy) else None
+        self.forecast: Forecast | None = None
+        policy = dispatch_of(layout)
+        if DISPATCH not in layout.scenario.bodiless_agents:
+            self.policy = policy
+        elif is_early(policy):
+            self.forecast = Forecast(layout)
 
     def tick(self, seen: Observation, mail: Mail, memory: BinMemory | None) -> Action:
         """Follow the robot, if it is coupled; call, if it is to be fetched; answer."""
@@ -118,7 +123,7 @@ class Bin:
         if seen.hitch is not None:
             self.follow(seen, seen.hitch, memory, action)
             if self.forecast is not None and kind_of(seen.hitch.name) == "picker":
-                self.foresee(self.forecast, seen, seen.hitch, mail, memory, action)
+                self.foresee(seen, seen.hitch, mail, memory, action)
         elif seen.full:
             self.call(seen, mail, memory, action, self.where(seen.x, seen.y))
             _show_call(memory, action)
@@ -132,10 +137,14 @@ class Bin:
         """Answer a request: of its state, its carrier, where it will be left, what it waits for."""
         match heard.body:
             case messages.StateRequest():
-                robot = seen.hitch.name if seen.hitch else ""
+                robot = ""
+                if seen.hitch is not None:
+                    robot = seen.hitch.name
                 return messages.BinState(full=seen.full, fill=seen.fill, coupled_to=robot)
+            case messages.EmptyBin() if memory.coming:
+                return messages.CarrierComing(memory.carrier)
             case messages.EmptyBin():
-                return messages.CarrierComing(memory.carrier if memory.coming else "")
+                return messages.CarrierComing("")
             case messages.LeftAt() as left_at:
                 memory.left_at = left_at
                 return messages.Yes()
@@ -175,18 +184,14 @@ class Bin:
             memory.done += 1
 
     def foresee(
-        self,
-        forecast: Forecast,
-        seen: Observation,
-        picker: Hitch,
-        mail: Mail,
-        memory: BinMemory,
-        action: Action,
+        self, seen: Observation, picker: Hitch, mail: Mail, memory: BinMemory, action: Action
     ) -> None:
-        """Call while the picker still fills the bin.
+        """Call while the picker still fills the bin. Only a bin with a forecast can.
 
         It begins when a carrier for the farthest lane would have to leave.
         """
+        forecast = self.forecast
+        assert forecast is not None
         is_steady = abs(picker.twist.x - memory.speed) < KEEPS
         memory.speed = picker.twist.x
         if not is_steady:
@@ -235,7 +240,9 @@ class Bin:
         if memory.since < 0:
             memory.since = seen.tick
         self.hear(mail, memory, seen.tick)
-        chosen = "" if memory.carrier else self.chosen(seen, mail, memory, standing)
+        chosen = ""
+        if not memory.carrier:
+            chosen = self.chosen(seen, mail, memory, standing)
         if chosen:
             memory.carrier = chosen
             memory.silent = 0
@@ -267,15 +274,9 @@ class Bin:
         The dispatcher names it, or the policy chooses among those that offer to come. A carrier
         that was silent during this call is chosen only if no other carrier offers.
         """
-        bodies = [(reply.sender, reply.body) for reply in mail.replies]
         if self.policy is None:
-            named = [body.carrier for _, body in bodies if isinstance(body, messages.CarrierComing)]
-            return named[0] if named else ""
-        offers = [
-            CarrierReport(name=sender, job="", is_next=True, metres=body.distance)
-            for sender, body in bodies
-            if isinstance(body, messages.Offer)
-        ]
+            return _named_by_dispatcher(mail)
+        offers = _offers_in(mail)
         if not offers:
             return ""
         willing = [offer for offer in offers if offer.name not in memory.shunned] or offers
@@ -288,7 +289,9 @@ class Bin:
             metres=0.0,
         )
         assignments = self.policy.assign(seen.tick, [report], willing, self.policy.Memory())
-        return assignments[0].carrier if assignments else ""
+        if assignments:
+            return assignments[0].carrier
+        return ""
 
     def hear(self, mail: Mail, memory: BinMemory, tick: int) -> None:
         """Read the answer of the carrier that was sent for.
@@ -313,18 +316,41 @@ class Bin:
     def where(self, x: float, y: float) -> Standing:
         """Return the lane, and the end of it, in the mouth of which the bin stands."""
         lane = min(self.layout.lanes, key=lambda lane: abs(lane.y - y))
-        return Standing(lane.number, "east" if x > self.layout.middle else "west")
+        if x > self.layout.middle:
+            return Standing(lane.number, "east")
+        return Standing(lane.number, "west")
+
+
+def _named_by_dispatcher(mail: Mail) -> str:
+    """Return the carrier that the dispatcher sends; '' if it names none."""
+    for reply in mail.replies:
+        if isinstance(reply.body, messages.CarrierComing):
+            return reply.body.carrier
+    return ""
+
+
+def _offers_in(mail: Mail) -> list[CarrierReport]:
+    """Return the carriers that offer to come."""
+    offers = []
+    for reply in mail.replies:
+        if isinstance(reply.body, messages.Offer):
+            metres = reply.body.distance
+            offers.append(CarrierReport(name=reply.sender, job="", is_next=True, metres=metres))
+    return offers
 
 
 def _show_ride(seen: Observation, robot: str, action: Action) -> None:
     """Set what a bin on the bar of a robot is shown to do."""
-    is_at_picker = kind_of(robot) == "picker"
     if seen.full:
         action.doing = f"full, on {robot}"
-        action.state = "waiting" if is_at_picker else "hauling"
+        action.state = "hauling"
+        state_at_picker: State = "waiting"
     else:
         action.doing = f"empty, on {robot}"
-        action.state = "picking" if is_at_picker else "driving"
+        action.state = "driving"
+        state_at_picker = "picking"
+    if kind_of(robot) == "picker":
+        action.state = state_at_picker
 
 
 def _show_call(memory: BinMemory, action: Action) -> None:

@@ -157,12 +157,11 @@ class Carrier:
 
         That is its job, whether it can leave, and its way to the head.
         """
+        metres = max(0.0, self.layout.queue.head - robot.pose.x)
         job = robot.memory.job
-        return CarrierStatus(
-            job=job.bin if job else "",
-            is_next=not job and self.is_next(robot),
-            metres=max(0.0, self.layout.queue.head - robot.pose.x),
-        )
+        if job:
+            return CarrierStatus(job=job.bin, is_next=False, metres=metres)
+        return CarrierStatus(job="", is_next=self.is_next(robot), metres=metres)
 
     def offer(self, robot: PlanExecutor, bin_name: str, call: Call) -> Answer:
         """Offer the carrier to a bin, unless one that has called for longer waits for an offer."""
@@ -241,6 +240,8 @@ def hear_calls(calls: dict[str, HeardCall], mail: Mail, tick: int) -> None:
             del calls[name]
     for heard in mail.requests:
         if isinstance(heard.body, Call):
+            offered = LAST_TICK
             before = calls.get(heard.sender)
-            offered = before.offered if before and before.since == heard.body.since else LAST_TICK
+            if before and before.since == heard.body.since:
+                offered = before.offered
             calls[heard.sender] = HeardCall(heard.body.since, tick, offered)

@@ -96,7 +96,7 @@ class Dispatcher:
         self.policy = dispatch_of(layout)
         self.route = route_of(layout)
         self._ways: dict[tuple[int, str], tuple[float, float]] = {}
-        self.carriers = [start.name for start in layout.starts if start.kind == "carrier"]
+        self.carriers = layout.names_of("carrier")
         self.manual = Nearest(layout)
 
     def way_to(self, lane: int, side: str) -> tuple[float, float]:
@@ -123,7 +123,10 @@ class Dispatcher:
         if memory.refused > refused_before:
             action.state = "broken"
             return action
-        action.state = "waiting" if waiting else "resting"
+        if waiting:
+            action.state = "waiting"
+        else:
+            action.state = "resting"
         action.hold = Hold(self._next_tick(memory, bool(waiting)))
         return action
 
@@ -213,8 +216,9 @@ class Dispatcher:
         if memory.refused == 0:
             scenario = self.layout.scenario
             fault = fault_of(self.policy, scenario.dispatch, error, tick)
-            ends_run = scenario.dispatch_errors == END
-            consequence = "the run ends" if ends_run else "nearest decides"
+            consequence = "nearest decides"
+            if scenario.dispatch_errors == END:
+                consequence = "the run ends"
             log.error("%s; its orders are refused, and %s", fault, consequence)
         memory.refused += 1
 

@@ -55,7 +55,9 @@ class Picker:
 
     def course(self, memory: PickerMemory) -> list[Step]:
         """Return the steps of which the plan in a memory is a part."""
-        return self.steps if memory.planned >= 0 else []
+        if not memory.planned >= 0:
+            return []
+        return self.steps
 
     def answer(self, robot: PlanExecutor, heard: Heard) -> Answer:
         """Answer a carrier that brings a bin.

@@ -86,8 +86,10 @@ def note(table: ReservationTable, name: str, claim: Claim, tick: int) -> None:
     if not claim.want:
         table.wishes.pop(name, None)
         return
+    since = tick
     before = table.wishes.get(name)
-    since = before.since if before and before.places == claim.want else tick
+    if before and before.places == claim.want:
+        since = before.since
     table.wishes[name] = PendingClaim(claim.want, claim.beside, since, tick)
 
 

@@ -67,7 +67,9 @@ class Person:
         """Walk straight on, unless something is in the way."""
         memory = memory or self.Memory(seen.x, seen.y, seen.tick)
         whim = Twist(x=self.kind.speed)
-        twist, evading = walk(seen, memory, self.seed, self.kind.speed, self.kind, whim)
+        twist, evading = walk(
+            seen, memory, self.kind, seed=self.seed, speed=self.kind.speed, whim=whim
+        )
         return Action(
             twist=twist,
             answers=tell_where(seen, mail),
@@ -112,14 +114,19 @@ class Animal:
         if seen.tick < memory.turning_until:
             whim_ends = min(whim_ends, memory.turning_until)
             whim = Twist(x=memory.speed, yaw=memory.rate)
-        twist, evading = walk(seen, memory, self.seed, min(memory.speed, 1.0), self.kind, whim)
+        speed = min(memory.speed, 1.0)
+        twist, evading = walk(seen, memory, self.kind, seed=self.seed, speed=speed, whim=whim)
+        state: State = "driving"
+        doing = evading or "wandering"
         stands = not evading and memory.speed < SLOW
-        state: State = "resting" if stands else "driving"
+        if stands:
+            state = "resting"
+            doing = "standing"
         return Action(
             twist=twist,
             answers=tell_where(seen, mail),
             memory=memory,
-            doing="standing" if stands else evading or "wandering",
+            doing=doing,
             state=state,
             hold=hold_of(seen, memory, twist, evading, whim_ends),
         )
@@ -151,7 +158,7 @@ def tell_where(seen: Observation, mail: Mail) -> list[tuple[Heard, Answer]]:
 
 
 def walk(
-    seen: Observation, memory: WalkerMemory, seed: int, speed: float, kind: Kind, whim: Twist
+    seen: Observation, memory: WalkerMemory, kind: Kind, *, seed: int, speed: float, whim: Twist
 ) -> tuple[Twist, str]:
     """Return a walker's velocity, and what it does to evade: 'turning away', or ''.
 

@@ -50,21 +50,17 @@ class Weed:
     def tick(self, seen: Observation, mail: Mail, memory: WeedMemory | None) -> Action:
         """Compare the silhouette with that in the memory."""
         now, beams = silhouette(seen.scan)
-        change = 0 if memory is None else abs(now - memory.silhouette)
-        has_changed = change > 1000 * SURE * self.noise * math.sqrt(beams)
         memory = memory or self.Memory(now)
-        if has_changed:
-            memory.silhouette = now
+        action = Action(memory=memory, doing="growing", state="resting")
+        change = abs(now - memory.silhouette)
+        if change <= 1000 * SURE * self.noise * math.sqrt(beams):
+            action.hold = Hold(LAST_TICK, still=(AROUND_IT,))
+            return action
+        memory.silhouette = now
         # What has just left is out of reach. A flat weed sees nothing, and asks for nothing more.
-        is_passed = has_changed and is_within_reach(seen.scan)
-        hold = None if has_changed else Hold(LAST_TICK, still=(AROUND_IT,))
-        return Action(
-            deeds=[Flatten()] if is_passed else [],
-            memory=memory,
-            doing="growing",
-            state="resting",
-            hold=hold,
-        )
+        if is_within_reach(seen.scan):
+            action.deeds.append(Flatten())
+        return action
 
 
 def silhouette(scan: np.ndarray) -> tuple[int, int]:

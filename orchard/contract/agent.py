@@ -134,8 +134,16 @@ def with_own_arrays(seen: Observation) -> Observation:
 
 def without_body(name: str, tick: int) -> Observation:
     """Return the observation of an agent without a body."""
-    # The type says that there is a scan, because each body has one.
-    return Observation(name, tick, math.nan, math.nan, (0.0, 1.0), STILL, None)  # type: ignore[arg-type]
+    return Observation(
+        name=name,
+        tick=tick,
+        x=math.nan,
+        y=math.nan,
+        orientation=(0.0, 1.0),
+        twist=STILL,
+        # The type says that there is a scan, because each body has one.
+        scan=None,  # type: ignore[arg-type]
+    )
 
 
 class Heard(NamedTuple):

@@ -22,6 +22,9 @@ class Laser:
     ahead: float  # m, from the body's centre forward to where it is mounted
 
 
+Colour = tuple[int, int, int]  # sRGB, each 0 to 255
+
+
 @dataclass(frozen=True)
 class Kind:
     """The properties of all bodies of a kind."""
@@ -29,7 +32,7 @@ class Kind:
     length: float  # m, along its heading
     width: float  # m
     height: float  # m
-    colour: tuple[int, int, int]  # sRGB
+    colour: Colour
     speed: float  # m/s, maximum
     turn: float  # rad/s, maximum
     laser: Laser
@@ -59,22 +62,96 @@ LASER_NEAREST = 0.0
 
 
 def _front(length: float) -> Laser:
+    """Return the laser at the front of a body. `length`: of the body, m."""
     return Laser(beams=180, first=-PI / 2, increment=PI / 179, ahead=length / 2)
 
 
 AROUND = Laser(beams=60, first=0.0, increment=2 * PI / 60, ahead=0.0)
 EIGHTH = PI / 8
 
+
+def _person(colour: Colour) -> Kind:
+    return Kind(
+        length=0.55,
+        width=1.0,
+        height=1.7,
+        colour=colour,
+        speed=1.0,
+        turn=PI,
+        laser=_front(0.55),
+    )
+
+
+def _animal(colour: Colour) -> Kind:
+    return Kind(
+        length=1.0,
+        width=0.8,
+        height=0.7,
+        colour=colour,
+        speed=3.0,
+        turn=2 * PI,
+        laser=_front(1.0),
+    )
+
+
 KINDS: dict[str, Kind] = {
-    "picker": Kind(2.5, 1.5, 1.0, (238, 130, 238), 1.0, EIGHTH, _front(2.5), tows=2.25, robot=True),
-    "carrier": Kind(1.8, 1.5, 0.5, (0, 170, 255), 1.0, EIGHTH, _front(1.8), tows=1.9, robot=True),
-    "tractor": Kind(5.0, 3.0, 3.0, (220, 30, 30), 1.0, EIGHTH, _front(5.0), robot=True),
-    "bin": Kind(1.0, 1.0, 1.0, (178, 34, 34), 3.0, 2 * PI, AROUND, robot=True, sideways=True),
-    "worker": Kind(0.55, 1.0, 1.7, (34, 139, 34), 1.0, PI, _front(0.55)),
-    "visitor": Kind(0.55, 1.0, 1.7, (127, 255, 212), 1.0, PI, _front(0.55)),
-    "dog": Kind(1.0, 0.8, 0.7, (128, 128, 128), 3.0, 2 * PI, _front(1.0)),
-    "cat": Kind(1.0, 0.8, 0.7, (255, 140, 0), 3.0, 2 * PI, _front(1.0)),
-    "weed": Kind(0.5, 0.5, 0.5, (60, 160, 40), 0.0, 0.0, AROUND, solid=False),
+    "picker": Kind(
+        length=2.5,
+        width=1.5,
+        height=1.0,
+        colour=(238, 130, 238),
+        speed=1.0,
+        turn=EIGHTH,
+        laser=_front(2.5),
+        tows=2.25,
+        robot=True,
+    ),
+    "carrier": Kind(
+        length=1.8,
+        width=1.5,
+        height=0.5,
+        colour=(0, 170, 255),
+        speed=1.0,
+        turn=EIGHTH,
+        laser=_front(1.8),
+        tows=1.9,
+        robot=True,
+    ),
+    "tractor": Kind(
+        length=5.0,
+        width=3.0,
+        height=3.0,
+        colour=(220, 30, 30),
+        speed=1.0,
+        turn=EIGHTH,
+        laser=_front(5.0),
+        robot=True,
+    ),
+    "bin": Kind(
+        length=1.0,
+        width=1.0,
+        height=1.0,
+        colour=(178, 34, 34),
+        speed=3.0,
+        turn=2 * PI,
+        laser=AROUND,
+        robot=True,
+        sideways=True,
+    ),
+    "worker": _person(colour=(34, 139, 34)),
+    "visitor": _person(colour=(127, 255, 212)),
+    "dog": _animal(colour=(128, 128, 128)),
+    "cat": _animal(colour=(255, 140, 0)),
+    "weed": Kind(
+        length=0.5,
+        width=0.5,
+        height=0.5,
+        colour=(60, 160, 40),
+        speed=0.0,
+        turn=0.0,
+        laser=AROUND,
+        solid=False,
+    ),
 }
 
 # What is done for several kinds follows from their properties: a new kind is in these lists by

@@ -3,7 +3,7 @@
 Metres, in the frame `map`: x east, y north.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orchard.field.geometry import EAST, WEST, Pose, Rect
-from orchard.field.kinds import KINDS, name_of
+from orchard.field.kinds import KINDS, Kind, name_of
 from orchard.field.machines import Machine, machine_of
 from orchard.field.passes import Pass, passes_in
 from orchard.field.picking import picking_speed_of
@@ -318,6 +318,23 @@ class Layout:
         return tuple(start.name for start in self.starts)
 
     @cached_property
+    def kinds(self) -> tuple[Kind, ...]:
+        """The kind of each body, in body order."""
+        return tuple(KINDS[start.kind] for start in self.starts)
+
+    def names_of(self, *kinds: str) -> list[str]:
+        """Return the names of the bodies of some kinds, in body order."""
+        return [start.name for start in self.starts if start.kind in kinds]
+
+    def indices_of(self, *kinds: str) -> list[int]:
+        """Return the indices of the bodies of some kinds, in body order."""
+        return [self.index[name] for name in self.names_of(*kinds)]
+
+    def names_at(self, bodies: Iterable[int]) -> list[str]:
+        """Return the names of bodies. `bodies`: their indices."""
+        return [self.names[body] for body in bodies]
+
+    @cached_property
     def agents(self) -> tuple[str, ...]:
         """The names of all agents: those of the bodies, then those without a body."""
         return (*self.names, *self.scenario.bodiless_agents)
@@ -353,7 +370,8 @@ class Layout:
 
         It has the mean time for which the picker stands because it failed.
         """
-        return metres / self.lane(row).picking_speed * (1.0 + self.scenario.picking.failure.share)
+        failure = self.scenario.picking.failure
+        return metres / self.lane(row).picking_speed * (1.0 + failure.share)
 
 
 def lay_out(scenario: Scenario) -> Layout:
@@ -426,7 +444,9 @@ def _laid_out(text: str) -> Layout:
     inside = Rect(X_WEST + half, bare.bottom + half, bare.east - half, bare.top - half)
     rows = Rect(ROW_WEST, bare.tree_lines[-1], bare.row_east, bare.tree_lines[0])
     keep_off = bare.queue.in_use(bare.queue_places)
-    starts = machines + guests(scenario, machines, walls, inside, rows, keep_off)
+    starts = machines + guests(
+        scenario, machines, walls=walls, inside=inside, rows=rows, keep_off=keep_off
+    )
     starts.sort(key=_moving_order)
     return replace(bare, starts=tuple(starts), walls=walls)
 
@@ -450,7 +470,15 @@ def _alike(scenario: Scenario, speeds: Mapping[int, float]) -> Rows:
     lanes = []
     for number in range(1, scenario.rows + 1):
         y = top - (number - 0.5) * pitch
-        lanes.append(Lane(number, y, speeds[number], ROW_WEST, length, scenario.row_width))
+        lane = Lane(
+            number=number,
+            y=y,
+            picking_speed=speeds[number],
+            west=ROW_WEST,
+            length=length,
+            width=scenario.row_width,
+        )
+        lanes.append(lane)
     lines = [
         TreeLine(top - i * pitch, ROW_WEST, ROW_WEST + length) for i in range(scenario.rows + 1)
     ]

@@ -57,6 +57,7 @@ class Start:
 def guests(
     scenario: Scenario,
     machines: list[Start],
+    *,
     walls: np.ndarray,
     inside: Rect,
     rows: Rect,

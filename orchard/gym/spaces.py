@@ -1,15 +1,25 @@
-"""What a learned body observes and what it does, as arrays in Gymnasium's spaces. SI units; an array for each quantity.
+"""What a learned body observes and what it does, as arrays in Gymnasium's spaces.
 
-| key | shape | what |
-| --- | --- | --- |
-| scan | (180,) | ranges from right to left, m; 10 where there is no return |
-| pose | (4,) | x, y (m, in the frame `map`), cosine and sine of the yaw |
-| velocity | (2,) | of the last step: forward, m/s; counter-clockwise, rad/s |
-| bar | (1,) | 1 if a bin is coupled, else 0 |
-| fill | (1,) | metres of row in the coupled bin |
-| goal | (3,) | what the present step of its plan still asks for: m ahead, m to the left, rad counter-clockwise |
-| mail | (4,) | what its mail has come to: 1 if it has a job (a carrier) or a carrier comes (a picker); the job's lane, from 1; the end of that lane, -1 west, 1 east; 1 if it waits for another agent. 0 where there is none |
-"""  # noqa: E501 - a table
+All is in SI units. There is an array for each quantity:
+
+`scan`, (180,)
+    The ranges from right to left, m; 10 where there is no return.
+`pose`, (4,)
+    x and y in the frame `map`, m; cosine and sine of the yaw.
+`velocity`, (2,)
+    Of the last step: forward, m/s; counter-clockwise, rad/s.
+`bar`, (1,)
+    1 if a bin is coupled, else 0.
+`fill`, (1,)
+    Metres of row in the coupled bin.
+`goal`, (3,)
+    What the present step of its plan still asks for: m ahead, m to the left, rad
+    counter-clockwise.
+`mail`, (4,)
+    What its mail has come to. First: 1 if it has a job (a carrier), or if a carrier comes (a
+    picker). Second: the lane of the job, from 1. Third: the end of that lane, -1 west, 1 east.
+    Fourth: 1 if it waits for another agent. Each is 0 where there is nothing to tell.
+"""
 
 import math
 from collections.abc import Sequence

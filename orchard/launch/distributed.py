@@ -78,7 +78,10 @@ def run(request: RunRequest, progress: Progress) -> Result:
     # Ctrl-C must not come between a process's start and its entry in the supervisor.
     inbox.take_signals()
     with Supervisor(progress.say, request.run_id) as supervisor:
-        return LaunchedRun(request, credentials, endpoint, supervisor, progress).carry_out(inbox)
+        run = LaunchedRun(
+            request, credentials, listen=endpoint, supervisor=supervisor, progress=progress
+        )
+        return run.carry_out(inbox)
 
 
 def _endpoint_of(options: HarvestOptions, credentials: Credentials) -> str:
@@ -102,6 +105,7 @@ class LaunchedRun:
         self,
         request: RunRequest,
         credentials: Credentials,
+        *,
         listen: str,
         supervisor: Supervisor,
         progress: Progress,

@@ -88,6 +88,7 @@ class RunFollower:
 
     def __init__(
         self,
+        *,
         endpoint: str,
         snapshots: Path,
         supervisor: Supervisor,

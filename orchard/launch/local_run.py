@@ -119,7 +119,7 @@ def _local_of(request: RunRequest) -> Local:
     checks_agents = request.options.check_agents
     holds = HOLDS[request.options.holds]
     if request.resumed is None:
-        return Local(request.scenario, _replayed(request), checks_agents, holds)
+        return Local(request.scenario, _replayed(request), checks_agents, holds=holds)
     return Local.resume(request.resumed, checks_agents, holds)
 
 

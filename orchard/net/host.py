@@ -113,6 +113,7 @@ class Host:
         self,
         bus: Bus,
         keys: Keys,
+        *,
         run: str,
         mode: str,
         layout: Layout,
@@ -145,8 +146,8 @@ class Host:
 
     def listen(self) -> None:
         """Declare subscribers, queryables and then the liveliness tokens (rule 10 of mail)."""
-        for what in ("lost", "end"):
-            self.bus.subscribe(self.keys.of(what))
+        self.bus.subscribe(self.keys.of("lost"))
+        self.bus.subscribe(self.keys.of("end"))
         self.bus.watch(self.keys.of("physics", self.run_id))
         self.bus.subscribe(self.keys.of("seen", session=self.bus.id))
         for name in self.bins:

@@ -25,15 +25,27 @@ class Ripening(NamedTuple):
     side: str
     # Until it is full, and at the furthest end of a row there; 0 once it is.
     seconds: float
-    # M that its picker still has to drive, and does not pick.
+    # m that its picker still has to drive, and does not pick.
     before: float
+
+
+def _side_ahead(yaw: float) -> str:
+    """Return the side to which a picker drives along rows, east or west; '' if it is aslant.
+
+    `yaw`: of the picker, rad.
+    """
+    for side, along in (("east", EAST), ("west", WEST)):
+        if abs(angle_between(along, yaw)) < ALONG:
+            return side
+    return ""
 
 
 class Forecast:
     """Tells where and when the bins of a layout will stand full."""
 
     def __init__(self, layout: Layout) -> None:
-        self.layout, self.horizon = layout, horizon(layout)
+        self.layout = layout
+        self.horizon = horizon(layout)
 
     def of(
         self, seen: Observation, picker: Hitch, picking_speed: float, left_at: LeftAt | None = None
@@ -45,35 +57,29 @@ class Forecast:
         fills one. A picker that stands before a row may have to wait for roads that early carriers
         block.
         """
-        side = next(
-            (
-                name
-                for name, yaw in (("east", EAST), ("west", WEST))
-                if abs(angle_between(yaw, picker.pose.yaw)) < ALONG
-            ),
-            "",
-        )
+        side = _side_ahead(picker.pose.yaw)
+        if not side:
+            return None
         lane = min(self.layout.lanes, key=lambda lane: abs(lane.y - picker.y))
-        ahead = lane.east - picker.x if side == "east" else picker.x - lane.west
-        if not side or ahead < -ALONG:
+        if side == "east":
+            ahead = lane.east - picker.x
+        else:
+            ahead = picker.x - lane.west
+        if ahead < -ALONG:
             return None
         if self.layout.scenario.bin_metres is None:
-            left = max(0.0, self.layout.row_length - seen.fill) * (
-                lane.length / self.layout.row_length
-            )
+            room = max(0.0, self.layout.row_length - seen.fill)
+            remaining = room * (lane.length / self.layout.row_length)
         elif left_at is None or (left_at.lane, left_at.side) != (lane.number, side):
             return None
         else:
-            left = max(0.0, left_at.fill - seen.fill)
-        before = max(0.0, ahead - left)
+            remaining = max(0.0, left_at.fill - seen.fill)
+        before = max(0.0, ahead - remaining)
         if before > ALONG and picker.twist.x <= 0.0:
             return None
-        return Ripening(
-            lane.number,
-            side,
-            until_full(self.layout, lane.number, side, left / picking_speed, before),
-            before,
-        )
+        picking = remaining / picking_speed
+        seconds = until_full(self.layout, lane.number, side, picking, before)
+        return Ripening(lane.number, side, seconds, before)
 
     def ticks(self, ripening: Ripening) -> int:
         """Return the ticks until the bin must look again, if its picker keeps its velocity."""

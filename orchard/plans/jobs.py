@@ -304,8 +304,12 @@ def _exit(trip: Sequence[TimedStep], until: float) -> tuple[int, list[Use]]:
     that way until a time, s from its stop on.
     """
     stop = begin_of(Deliver, trip)
-    uses = [use._replace(at=use.at - stop) for use in _uses(trip)]
-    return ticks(stop), [use for use in uses if use.at < until - ROUNDING]
+    uses = []
+    for use in _uses(trip):
+        after_stop = use.at - stop
+        if after_stop < until - ROUNDING:
+            uses.append(use._replace(at=after_stop))
+    return ticks(stop), uses
 
 
 def _seconds_to_rest(route: OneWay, trip: Sequence[TimedStep]) -> float:
@@ -339,8 +343,17 @@ def timed_steps(steps: Sequence[Step], start: Pose, machine: Machine) -> Iterato
     late = 0.0
     for step, pose, begins, ends in timetable(list(steps), start, machine):
         handling = step.ticks(machine) * TIME_STEP
-        speed = step.speed_of(machine) if isinstance(step, DriveTo) else 0.0
-        yield TimedStep(step, pose, begins + late, ends + late + handling, speed, handling)
+        speed = 0.0
+        if isinstance(step, DriveTo):
+            speed = step.speed_of(machine)
+        yield TimedStep(
+            step=step,
+            pose=pose,
+            begins=begins + late,
+            ends=ends + late + handling,
+            speed=speed,
+            handling=handling,
+        )
         late += handling
 
 

@@ -322,10 +322,14 @@ class PlanExecutor:
         if not is_off_path and self._is_stuck_past_goal(error):
             return False
         self._choose_way(has_room=speed > 0.0 and -error.along * SLANT > abs(error.across))
-        slant = self._slant(error, speed) if is_off_path else 0.0
+        slant = 0.0
+        near_enough = SLACK
+        if is_off_path:
+            slant = self._slant(error, speed)
+            near_enough = LITTLE
         wanted_heading = -math.copysign(slant, error.across * self.memory.way)
         turn = angle_between(error.heading, wanted_heading)
-        is_aligned = abs(turn) <= (LITTLE if slant else SLACK)
+        is_aligned = abs(turn) <= near_enough
         if not is_aligned and self._may_turn(turn, blind_to):
             self.turn_by(turn, blind_to)
         elif is_aligned and not is_off_path:
@@ -352,7 +356,10 @@ class PlanExecutor:
     def _slant(self, error: CourseError, speed: float) -> float:
         """Return the angle at which the robot drives back to its path, rad."""
         is_near = abs(error.across) <= FAR + self.position_bound
-        most = SLANT if is_near else STEEP_SLANT
+        if is_near:
+            most = SLANT
+        else:
+            most = STEEP_SLANT
         # A step crosses the path by no more than NEAR.
         gentle = NEAR / (max(speed, SHIFT) * TIME_STEP)
         return min(most, max(abs(error.across), gentle))
@@ -379,7 +386,9 @@ class PlanExecutor:
             memory.moved = tick
         something_else_drove = bool(self.seen.twist.x) and not memory.driving
         if not memory.way or something_else_drove:
-            memory.way = 1.0 if has_room or self._is_goal_ahead() else -1.0
+            memory.way = -1.0
+            if has_room or self._is_goal_ahead():
+                memory.way = 1.0
             memory.moved = tick
         elif (self._has_collided and memory.driving) or tick - memory.moved >= HELD_UP:
             memory.way = -memory.way
@@ -392,7 +401,9 @@ class PlanExecutor:
 
     def _tolerance(self, exact: float) -> float:
         """Return how far off its course the robot may be, m: exactly so far once it comes back."""
-        return self.position_bound + (exact if self.memory.way else LITTLE)
+        if self.memory.way:
+            return self.position_bound + exact
+        return self.position_bound + LITTLE
 
     @property
     def is_moved(self) -> bool:
@@ -556,7 +567,9 @@ class PlanExecutor:
         memory = self.memory
         action.doing = memory.doing
         action.state = memory.state
-        near = self._near_the_turn() if self._turn else []
+        near: list[str] = []
+        if self._turn:
+            near = self._near_the_turn()
         self._recover()
         action.hold = self._hold_of(action.twist)
         self._stop_for_obstacles()
@@ -589,7 +602,7 @@ class PlanExecutor:
         boxes in its way must look at every tick; so must one that turns with a bin, because a hold
         does not watch the bin's laser.
         """
-        until = min(self._until, *self._timers) if self._timers else self._until
+        until = min([self._until, *self._timers])
         if until <= self.seen.tick + 1 or self.action.deeds or self.seen.accuracy:
             return None
         if self._turn:
@@ -637,10 +650,11 @@ class PlanExecutor:
     def _hear_places(self, answer: Places, claim: Claim) -> None:
         """Keep the places that were wanted and are granted now."""
         memory = self.memory
-        granted = [place for place in answer.held if place in claim.want]
-        memory.reserved = memory.reserved + [
-            place for place in granted if place not in memory.reserved
-        ]
+        reserved = list(memory.reserved)
+        for place in answer.held:
+            if place in claim.want and place not in memory.reserved:
+                reserved.append(place)
+        memory.reserved = reserved
         memory.agreed = answer.held
         memory.alone = answer.alone
         memory.blockers = answer.blockers
@@ -652,9 +666,8 @@ class PlanExecutor:
         one must be asked: until then a turn may hold.
         """
         radius = sense.sweep_radius(KINDS[kind_of(self.seen.name)], self.seen.hitch is not None)
-        hazards = sense.turn_hazards(
-            self._bystanders, self.memory.sighted, self.seen.tick, self.pose.x, self.pose.y, radius
-        )
+        circle = sense.Circle(self.pose.x, self.pose.y, radius)
+        hazards = sense.turn_hazards(self._bystanders, self.memory.sighted, self.seen.tick, circle)
         self.action.requests += [(name, Where()) for name in hazards.to_ask]
         self._timers.append(self.seen.tick + max(1, hazards.ticks))
         return hazards.near

@@ -46,7 +46,9 @@ class Side:
 
     def x(self, east: float) -> float:
         """Return x, m, of a point that lies at x = `east` on the east side of usual rows."""
-        return east + self.shift if self.sign > 0 else -3.0 - east
+        if self.sign > 0:
+            return east + self.shift
+        return -3.0 - east
 
     def y(self, lane_y: float, along: float) -> float:
         """Return y of a point that lies `along` metres from a lane's centre line.
@@ -57,8 +59,13 @@ class Side:
 
     def heading(self, east: str) -> str:
         """Return the heading on this side that corresponds to a heading on the east side."""
-        turned = self.sign < 0 if east in ("EAST", "WEST") else self.south < 0
-        return _OPPOSITE[east] if turned else east
+        if east in ("EAST", "WEST"):
+            is_turned = self.sign < 0
+        else:
+            is_turned = self.south < 0
+        if is_turned:
+            return _OPPOSITE[east]
+        return east
 
     def place(self, road: str, lane: int) -> str:
         """Return the name of a road's place at a lane: 'east/D/3'."""
@@ -194,7 +201,10 @@ class OneWay:
         `after`: the next pass; None: the way leads to where the picker parks.
         """
         side = self.sides[one.end]
-        steps = self.swap_bins(one.row, side) if one.leaves_bin else self.drive_out(one.row, side)
+        if one.leaves_bin:
+            steps = self.swap_bins(one.row, side)
+        else:
+            steps = self.drive_out(one.row, side)
         if after is None:
             return steps + self.park(one.row, side)
         return steps + self.foresee(after) + self.go_to_next_row(one.row, after.row, side)
@@ -232,7 +242,8 @@ class OneWay:
             *self.may_charge(carrier),
             *self.go_home(carrier),
         ]
-        before_drive = self.may_fail(self.layout.scenario.carrying.failure)
+        carrying = self.layout.scenario.carrying
+        before_drive = self.may_fail(carrying.failure)
         steps: list[Step] = []
         for step in job:
             if isinstance(step, st.DriveTo) and not step.queueing:
@@ -304,13 +315,21 @@ class OneWay:
 
     # -- pickers
 
+    def opposite(self, side: Side) -> Side:
+        """Return the other side of the rows."""
+        if side is self.east:
+            return self.west
+        return self.east
+
     def end(self, row: int, side: Side) -> float:
         """Return x of a row's end on this side, m.
 
         In a surveyed orchard it may lie further in than the furthest one there.
         """
         lane = self.layout.lane(row)
-        return lane.east if side is self.east else lane.west
+        if side is self.east:
+            return lane.east
+        return lane.west
 
     def hold(self, row: int, side: Side) -> float:
         """Return x at which a picker waits to cross the roads, m.
@@ -322,7 +341,9 @@ class OneWay:
             usual = side.x(self.INNER_HOLD)
         end = self.end(row, side)
         is_just_before = 0.0 < side.sign * (usual - end) < STOP_DISTANCE
-        return end if is_just_before else usual
+        if is_just_before:
+            return end
+        return usual
 
     def _is_swept(self, row: int, side: Side) -> bool:
         """Whether the exchange at the row before sweeps over pickers in the mouth of a row."""
@@ -349,18 +370,20 @@ class OneWay:
         """
         row = one.row
         side = self.sides[one.end]
-        opposite = self.west if side is self.east else self.east
+        opposite = self.opposite(side)
         end = self.end(row, side)
         speed = self.layout.lane(row).picking_speed
-        has_places = came_over or self._is_swept(row, opposite)
-        frees = self.cleared(row, opposite) if has_places else []
+        frees: list[Gate] = []
+        if came_over or self._is_swept(row, opposite):
+            frees = self.cleared(row, opposite)
         cross = self.cross(side, row, self.hold(row, side))
+        picking = self.layout.scenario.picking
         through = st.Say(f"driving through row {row}", "driving")
         steps: list[Step] = []
         if one.begin != self.end(row, opposite):
             steps += [through, st.DriveTo(x=one.begin, needs=cross, frees=frees)]
         steps.append(st.Say(f"picking row {row}", "picking"))
-        steps += self.may_fail(self.layout.scenario.picking.failure)
+        steps += self.may_fail(picking.failure)
         steps.append(st.DriveTo(x=one.stop, speed=speed, needs=cross, frees=frees))
         if one.stop != end:
             steps += [through, st.DriveTo(x=end, needs=cross, frees=frees)]
@@ -404,9 +427,11 @@ class OneWay:
 
         `metres`: what the bin shall hold.
         """
-        gnss = self.layout.scenario.sensors.gnss
-        is_exact = not gnss.white and not gnss.bias
-        return [] if is_exact else [st.Fill(3.0 * (gnss.white + gnss.bias), metres)]
+        sensors = self.layout.scenario.sensors
+        deviation = sensors.gnss.white + sensors.gnss.bias
+        if not deviation:
+            return []
+        return [st.Fill(3.0 * deviation, metres)]
 
     def cross(self, side: Side, lane: int, at: float) -> list[Gate]:
         """Return the places that a picker needs to drive over both roads, from x = `at` on."""
@@ -430,11 +455,14 @@ class OneWay:
         so that one must have left it. Before a picker comes back to the same row, that carrier must
         hold road F there: it then takes the full bin out of the lane's mouth first.
         """
+        wait: list[Step] = []
         swings_over_place = side.south < 0 or next_row == row
-        wait: list[Step] = [st.Alone(side.place("D", row))] if swings_over_place else []
-        heading = "SOUTH" if next_row >= row else "NORTH"
-        place = [side.place("D", row)]
-        turn: list[Step] = [st.Face(heading), st.Free(place)]
+        if swings_over_place:
+            wait.append(st.Alone(side.place("D", row)))
+        heading = "NORTH"
+        if next_row >= row:
+            heading = "SOUTH"
+        turn: list[Step] = [st.Face(heading), st.Free([side.place("D", row)])]
         over = st.DriveTo(y=self.layout.lane(next_row).y)
         if next_row == row and self._turn_zone(row):
             turn = self._turn_aside(row, side)
@@ -523,8 +551,10 @@ class OneWay:
 
         Carriers of several lines take turns at `top`; those of one line follow each other.
         """
+        needs = []
         has_several_lines = self.layout.queue_places > self.queue.places
-        needs = [Gate([TOP], self.queue.head)] if has_several_lines else []
+        if has_several_lines:
+            needs.append(Gate([TOP], self.queue.head))
         return [st.DriveTo(x=self.east.x(self.D_ROAD), needs=needs), st.Face("SOUTH")]
 
     def go_to_lane(self, lane: int, side: Side) -> list[Step]:
@@ -592,8 +622,10 @@ class OneWay:
     def go_home(self, carrier: int) -> list[Step]:
         """Drive from the bay to the tail of the carrier's line of the queue, and move up."""
         first = self.layout.first_charging
+        place = carrier
         is_charging = carrier > first > 0
-        place = carrier - first if is_charging else carrier
+        if is_charging:
+            place = carrier - first
         return [
             st.Say("returning to the queue", "driving"),
             *self.go_to_line(place),
@@ -603,7 +635,8 @@ class OneWay:
 
     def haul(self) -> list[Step]:
         """Return the steps of a carrier that has unloaded and is away, in its line of the queue."""
-        if not self.layout.scenario.load_out.is_of_carriers:
+        load_out = self.layout.scenario.load_out
+        if not load_out.is_of_carriers:
             return []
         return [st.Say("away at the load-out", "hauling"), st.Haul(self.queue.head)]
 
@@ -615,7 +648,9 @@ class OneWay:
         first = self.layout.first_charging
         if not first:
             return []
-        place = carrier if carrier > first else carrier + first
+        place = carrier
+        if carrier <= first:
+            place = carrier + first
         to_head = st.DriveTo(x=self.queue.head, queueing=True)
         go_and_charge: list[Step] = [
             st.Say("driving to the chargers", "driving"),
@@ -652,7 +687,9 @@ class OneWay:
             return carrier
         charging = first + carrier
         is_there = abs(y - self.queue.place(charging - 1).y) < BESIDE
-        return charging if is_there else carrier
+        if is_there:
+            return charging
+        return carrier
 
     def at_work(self, lane: int, side: Side) -> list[Box]:
         """Return what a carrier that works at a lane does not take for obstacles.
@@ -745,9 +782,11 @@ class OneWay:
         They are all, or those from `first` on, or those up to `last`.
         """
         lanes = [lane.number for lane in self.layout.lanes][:: side.south]
-        begin = lanes.index(first) if first else 0
-        end = lanes.index(last) + 1 if last else len(lanes)
-        return lanes[begin:end]
+        if first:
+            lanes = lanes[lanes.index(first) :]
+        if last:
+            lanes = lanes[: lanes.index(last) + 1]
+        return lanes
 
     def _along(
         self,
@@ -755,6 +794,7 @@ class OneWay:
         road: str,
         lanes: list[int],
         stop: float,
+        *,
         needs: Sequence[Gate] = (),
         frees: Sequence[Gate] = (),
     ) -> st.DriveTo:

@@ -62,8 +62,13 @@ def corridor(half_width: float, ahead: float) -> Zone:
 def stop_zone(seen: Observation) -> Zone:
     """Return the corridor ahead of a robot in which it stops for obstacles."""
     kind = KINDS[kind_of(seen.name)]
-    widest = kind.width / 2 if seen.hitch is None else max(kind.width / 2, _BIN_HALF)
-    return corridor(widest + (UNSURE_MARGIN if seen.accuracy else SIDE_MARGIN), STOP_DISTANCE)
+    half_width = kind.width / 2
+    if seen.hitch is not None:
+        half_width = max(half_width, _BIN_HALF)
+    margin = SIDE_MARGIN
+    if seen.accuracy:
+        margin = UNSURE_MARGIN
+    return corridor(half_width + margin, STOP_DISTANCE)
 
 
 def something_ahead(seen: Observation, blind_to: list[Box]) -> bool:
@@ -249,8 +254,12 @@ def free_directions(seen: Observation, reach: float, count: int = 13) -> list[fl
     kind = KINDS[kind_of(seen.name)]
     half_width = kind.width / 2 + SIDE_MARGIN
     points = _returns(seen.scan, kind.laser, seen.scan < reach + kind.width)
-    angles = [repeatable.PI * (i / (count - 1) - 0.5) for i in range(count)]
-    return [angle for angle in angles if not _in_path(points, angle, half_width, reach)]
+    angles = []
+    for i in range(count):
+        angle = repeatable.PI * (i / (count - 1) - 0.5)
+        if not _in_path(points, angle, half_width, reach):
+            angles.append(angle)
+    return angles
 
 
 def _in_path(points: np.ndarray, angle: float, half_width: float, reach: float) -> bool:
@@ -300,20 +309,30 @@ def sweep_radius(kind: Kind, towing: bool) -> float:
     return math.sqrt((kind.tows + _BIN_HALF) ** 2 + _BIN_HALF * _BIN_HALF)
 
 
+class Circle(NamedTuple):
+    """What a robot sweeps when it turns, in the frame `map`, m."""
+
+    x: float
+    y: float
+    radius: float
+
+
 def time_to_reach(
-    bystander: Bystander, sighting: Sighting | None, tick: int, x: float, y: float, radius: float
+    bystander: Bystander, sighting: Sighting | None, tick: int, circle: Circle
 ) -> float:
     """Return the time until a bystander may touch a circle, s from now.
 
-    It is negative if the bystander may touch the circle already. `x`, `y`, `radius`: the circle, m.
+    It is negative if the bystander may touch the circle already, and -inf if its place is unknown.
     """
     if sighting is None:
         return -math.inf
     if math.isinf(sighting.x):
-        return math.inf if tick - sighting.tick < SILENT_TICKS else -math.inf
-    dx = sighting.x - x
-    dy = sighting.y - y
-    room = math.sqrt(dx * dx + dy * dy) - radius - bystander.radius - MARGIN
+        if tick - sighting.tick < SILENT_TICKS:
+            return math.inf
+        return -math.inf
+    dx = sighting.x - circle.x
+    dy = sighting.y - circle.y
+    room = math.sqrt(dx * dx + dy * dy) - circle.radius - bystander.radius - MARGIN
     return room / bystander.speed - (tick - sighting.tick) * TIME_STEP
 
 
@@ -333,21 +352,21 @@ def turn_hazards(
     bystanders: tuple[Bystander, ...],
     sighted: Mapping[str, Sighting],
     tick: int,
-    x: float,
-    y: float,
-    radius: float,
+    circle: Circle,
 ) -> TurnHazards:
-    """Return what is known of the bystanders around a circle. `x`, `y`, `radius`: m."""
+    """Return what is known of the bystanders around a circle."""
     near = []
     to_ask = []
     times = []
     for bystander in bystanders:
         sighting = sighted.get(bystander.name)
-        seconds = time_to_reach(bystander, sighting, tick, x, y, radius)
+        seconds = time_to_reach(bystander, sighting, tick, circle)
         if seconds < TIME_STEP:
             near.append(bystander.name)
         if seconds < ASK_AHEAD:
             to_ask.append(bystander.name)
-        times.append(0.0 if math.isinf(seconds) else seconds)
+        if math.isinf(seconds):
+            seconds = 0.0
+        times.append(seconds)
     soonest = min(times, default=MOST_HOLD * TIME_STEP)
     return TurnHazards(near, to_ask, max(0, int((soonest - ASK_AHEAD) / TIME_STEP)))

@@ -12,6 +12,7 @@ right place after it was held up, or after its agent was started again.
 
 from collections.abc import Sequence
 from functools import cache, reduce
+from itertools import product
 from operator import or_
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
@@ -74,7 +75,7 @@ TRIES = 5
 # coupled.
 GRID = 0.14
 # The places of the search for the coupling point: m to the left and ahead of the first one.
-SEARCH = [(GRID * left, GRID * ahead) for left in (0, 1, -1, 2, -2) for ahead in (0, 1, -1, 2)]
+SEARCH = [(GRID * left, GRID * ahead) for left, ahead in product((0, 1, -1, 2, -2), (0, 1, -1, 2))]
 # m past a gate from which a robot that is not sure of its place takes it to be behind.
 PASSED = 0.5
 # What a picker begins when it has its empty bin, among what a step has asked.
@@ -130,12 +131,12 @@ class DriveTo(Step, frozen=True):
         """Drive on up to the target or a closed gate. Return whether the robot is at the target."""
         course = robot.course
         speed = self.speed_of(robot.machine)
-        axis = "y" if self.x is None else "x"
+        axis = self.axis
         # Positions along the axis, m.
         here = getattr(robot.pose, axis)
         before = getattr(course, axis)
         target = getattr(self, axis)
-        ahead = 1.0 if course.heading in ("EAST", "NORTH") else -1.0
+        ahead = _sign_of(course.heading)
         for gate in self.frees:
             if ahead * (here - gate.at) > -EXACT:
                 robot.free(gate.places)
@@ -163,15 +164,26 @@ class DriveTo(Step, frozen=True):
 
     def motion(self, start: Pose, machine: Machine) -> tuple[Pose, float]:
         """Return the pose at the target, and the time of the drive, s."""
-        x = start.x if self.x is None else self.x
-        y = start.y if self.y is None else self.y
-        end = start._replace(x=x, y=y)
+        end = start
+        if self.x is not None:
+            end = end._replace(x=self.x)
+        if self.y is not None:
+            end = end._replace(y=self.y)
         metres = abs(end.x - start.x) + abs(end.y - start.y)
         return end, metres / self.speed_of(machine)
 
+    @property
+    def axis(self) -> str:
+        """The axis along which the robot drives, `x` or `y`."""
+        if self.x is None:
+            return "y"
+        return "x"
+
     def speed_of(self, machine: Machine) -> float:
         """Return how fast a machine drives, m/s."""
-        return machine.speed if self.speed is None else self.speed
+        if self.speed is None:
+            return machine.speed
+        return self.speed
 
     def asks_before(self, machine: Machine) -> float:
         """Return how far before a gate a machine asks for its places, m."""
@@ -208,7 +220,9 @@ class DriveTo(Step, frozen=True):
         for these places if it is near. `passed`: up to where it has passed gates, m. `ahead`: the
         sign of its direction.
         """
-        tolerance = PASSED if robot.position_bound else EXACT
+        tolerance = EXACT
+        if robot.position_bound:
+            tolerance = PASSED
         for gate in self.needs:
             is_behind = ahead * (gate.at - passed) < -tolerance
             if is_behind or robot.has(gate.places):
@@ -216,7 +230,9 @@ class DriveTo(Step, frozen=True):
             is_near = ahead * (gate.at - here) < self.asks_before(robot.machine)
             if is_near and (not gate.bin or robot.is_left(gate.bin)):
                 robot.want(gate.places)
-            return gate.at if ahead * (target - gate.at) > 0 else target
+            if ahead * (target - gate.at) > 0:
+                return gate.at
+            return target
         return target
 
 
@@ -289,11 +305,11 @@ class Ahead(Step, frozen=True):
     def act(self, robot: PlanExecutor) -> bool:
         """Put the drive to that point into the plan."""
         heading = nearest_heading(robot.pose.yaw)
-        sign = 1.0 if heading in ("EAST", "NORTH") else -1.0
+        distance = _sign_of(heading) * self.metres
         if heading in ("EAST", "WEST"):
-            drive = DriveTo(x=robot.pose.x + sign * self.metres)
+            drive = DriveTo(x=robot.pose.x + distance)
         else:
-            drive = DriveTo(y=robot.pose.y + sign * self.metres)
+            drive = DriveTo(y=robot.pose.y + distance)
         robot.next([drive])
         return True
 
@@ -315,11 +331,20 @@ class MoveTo(Step, frozen=True):
         return True
 
 
+def _sign_of(heading: str) -> float:
+    """Return the direction of a heading along its axis: 1 to the east and north, else -1."""
+    if heading in ("EAST", "NORTH"):
+        return 1.0
+    return -1.0
+
+
 def _leg(positive: str, negative: str, distance: float, drive: DriveTo) -> list[Step]:
     """Return the turn and the drive over a distance, m, with a sign; none if it is 0."""
     if abs(distance) <= EXACT:
         return []
-    return [Face(positive if distance > 0 else negative), drive]
+    if distance > 0:
+        return [Face(positive), drive]
+    return [Face(negative), drive]
 
 
 class Wait(Step, frozen=True):
@@ -424,8 +449,10 @@ class Coupling(Step, frozen=True, kw_only=True):
         Return whether this step was put off, because the robot tries another place first.
         """
         began = robot.memory.asked.setdefault(f"couple {bin_name}", robot.seen.tick)
-        # In the further places of its search it tries at once.
-        rest = 0 if self.tried else robot.machine.rest_before_coupling
+        rest = robot.machine.rest_before_coupling
+        if self.tried:
+            # In the further places of its search it tries at once.
+            rest = 0
         may_couple = robot.couple(bin_name, began + rest)
         if not may_couple or not robot.seen.accuracy:
             return False
@@ -637,7 +664,7 @@ class MayFail(Step, frozen=True):
         until, repair = failure(
             self.seed, robot.seen.name, memory.failures, self.mean_between, self.mean_repair
         )
-        axis = "y" if drive.x is None else "x"
+        axis = drive.axis
         here = getattr(robot.pose, axis)
         distance = getattr(drive, axis) - here
         # s of work: for the rest of the drive, and up to the failure.
@@ -867,7 +894,9 @@ def with_steps(memory: type[P], steps: Sequence[type[Step]]) -> type[P]:
 
     They are checked and encoded like built-in steps.
     """
-    return cast(type[P], _with_steps(memory, tuple(steps))) if steps else memory
+    if not steps:
+        return memory
+    return cast(type[P], _with_steps(memory, tuple(steps)))
 
 
 @cache

@@ -102,8 +102,10 @@ class TwoWay(OneWay):
         end = last - self.STOP
         head = self.queue.head
         # x of both roads on the west and on the east side.
-        west_d, d = self.west.x(self.D_ROAD), self.east.x(self.D_ROAD)
-        west_f, f = self.west.x(self.F_ROAD), self.east.x(self.F_ROAD)
+        west_d = self.west.x(self.D_ROAD)
+        west_f = self.west.x(self.F_ROAD)
+        d = self.east.x(self.D_ROAD)
+        f = self.east.x(self.F_ROAD)
         lines = sorted(self.queue.used(self.layout.queue_places))
         connector = [(self.connector, lines[-1]), (self.connector, self.D_TOP)]
         deliveries = [
@@ -150,7 +152,9 @@ class TwoWay(OneWay):
     def approach(self, lane: int, side: Side, carrier: int = 1) -> list[Step]:
         """Return a carrier's way from its head of the queue to where it leaves the empty bin."""
         y = self.queue.place(carrier - 1).y
-        return self._to_the_east(y, lane) if side is self.east else self._to_the_west(y, lane)
+        if side is self.east:
+            return self._to_the_east(y, lane)
+        return self._to_the_west(y, lane)
 
     def _to_the_east(self, y: float, lane: int) -> list[Step]:
         """Return the way from a line at y, m, to the stop at a lane on the east side."""

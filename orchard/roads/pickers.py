@@ -93,8 +93,8 @@ def _edges_at(layout: Layout, route: OneWay, row: int, side: Side) -> Iterator[E
     yield _through(route, side, row, wait)
     towards_roads = (Need(places), Face(side.heading("EAST")))
     yield _edge(wait, park, *towards_roads, *route.park(row, side))
-    clear_of_roads = DriveTo(x=side.x(route.PARKING_CLEAR))
-    yield _edge(wait, aside, *towards_roads, clear_of_roads, Face("SOUTH"), Free(places))
+    off_the_roads = (DriveTo(x=side.x(route.PARKING_CLEAR)), Face("SOUTH"), Free(places))
+    yield _edge(wait, aside, *towards_roads, *off_the_roads)
     yield _edge(aside, wait, Face(side.heading("WEST")), DriveTo(x=side.x(route.WAITING)))
     if row < len(layout.lanes):
         yield _edge(wait, f"{side.name}/wait/{row + 1}", *_over_to_next_row(route, row, side))
@@ -125,7 +125,7 @@ def _through(route: OneWay, side: Side, row: int, start: str) -> Edge:
 
 
 def pass_at(
-    row: int, side: Side, begin: float, stop: float, fill: float = 0.0, is_full: bool = False
+    row: int, side: Side, begin: float, stop: float, *, fill: float = 0.0, is_full: bool = False
 ) -> Pass:
     """Return a pass that ends on a side, as the route knows passes.
 

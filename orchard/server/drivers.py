@@ -39,6 +39,7 @@ class Drivers:
         engine: Engine,
         roster: Roster,
         answers: LockstepBarrier | RealtimeBarrier,
+        *,
         recovery_log: RecoveryLog,
         publisher: Publisher,
         clock: Callable[[], float],

@@ -71,7 +71,14 @@ class PhysicsRun:
         self.publisher = Publisher(bus, keys, self.id, engine.layout, answers.newest_wins)
         publish_state = partial(self.publisher.publish, "simulation_state")
         self.control = SimulationControl(clock, publish_state, self.id, lambda: engine.tick)
-        self.drivers = Drivers(engine, roster, answers, recovery_log, self.publisher, clock)
+        self.drivers = Drivers(
+            engine,
+            roster,
+            answers,
+            recovery_log=recovery_log,
+            publisher=self.publisher,
+            clock=clock,
+        )
         if before is not None:
             self.drivers.lost |= before.lost
         snapshot_writer = SnapshotWriter(
@@ -180,14 +187,23 @@ class PhysicsRun:
             refused=self.refusal_totals.total(),
             answers=answers.figures(),
         )
-        return End(self.id, engine.tick, engine.over, why, engine.hash, summary)
+        return End(
+            run=self.id,
+            tick=engine.tick,
+            finished=engine.over,
+            why=why,
+            hash=engine.hash,
+            summary=summary,
+        )
 
 
 def _id_of(options: RunOptions, before: Snapshot | None) -> str:
     """Return the run's id: that of the options, or of the run that is resumed, or a new one."""
     if options.run:
         return options.run
-    return before.run if before else uuid.uuid4().hex[:16]
+    if before:
+        return before.run
+    return uuid.uuid4().hex[:16]
 
 
 def _barrier(

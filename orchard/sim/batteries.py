@@ -59,12 +59,13 @@ def advance(world: World) -> list[Event]:
 
 def _gain(world: World) -> float:
     """Return the charge that a charger gives in a tick."""
-    return TIME_STEP / HOUR / world.layout.scenario.carrying.battery.hours_to_charge
+    battery = world.scenario.carrying.battery
+    return TIME_STEP / HOUR / battery.hours_to_charge
 
 
 def _use(world: World, stands: np.ndarray) -> np.ndarray:
     """Return the charge that each carrier uses in a tick, (c,)."""
-    battery = world.layout.scenario.carrying.battery
+    battery = world.scenario.carrying.battery
     x, y, _ = world.pose[world.fixed.carriers].T
     area = world.layout.queue.area
     is_in_queue = (x >= area.west) & (x <= area.east) & (y >= area.south) & (y <= area.north)
@@ -74,14 +75,14 @@ def _use(world: World, stands: np.ndarray) -> np.ndarray:
     carrier = world.layout.machines["carrier"]
     if carrier.haul_ticks:
         away = hauls.are_away(world)[world.fixed.carriers]
-        used[away] += haul_charge(world.layout.scenario, carrier) / carrier.haul_ticks
+        used[away] += haul_charge(world.scenario, carrier) / carrier.haul_ticks
     return used
 
 
 def _events(world: World, what: What, which: np.ndarray) -> list[Event]:
     """Return an event for each carrier to which it happened. `which`: (c,) bool."""
     carriers = world.fixed.carriers[which]
-    return [Event(world.tick, what, world.layout.names[body]) for body in carriers.tolist()]
+    return [Event(world.tick, what, name) for name in world.layout.names_at(carriers.tolist())]
 
 
 def _with_chargers(world: World, stands: np.ndarray, charge: np.ndarray) -> np.ndarray:
@@ -96,6 +97,6 @@ def _with_chargers(world: World, stands: np.ndarray, charge: np.ndarray) -> np.n
     is_waiting &= world.hauling[world.fixed.carriers] == 0
     waiting = is_waiting.nonzero()[0]
     nearest_first = waiting[np.argsort(-x[waiting], kind="stable")]
-    free_chargers = max(0, world.layout.scenario.chargers - int(is_plugged.sum()))
+    free_chargers = max(0, world.scenario.chargers - int(is_plugged.sum()))
     is_plugged[nearest_first[:free_chargers]] = True
     return is_plugged

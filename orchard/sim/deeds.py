@@ -28,8 +28,11 @@ def do_deeds(world: World, wanted: np.ndarray, deeds: list[tuple[int, Deed]]) ->
     deeds: (body index, deed), in body order. wanted (n, 3): the wanted twists for this step. A
     stopped picker may still say from where it picks later: that moves nothing, and it says so once.
     """
-    allowed = [(i, deed) for i, deed in deeds if not world.stopped[i] or isinstance(deed, PickFrom)]
-    return [_do_one(world, wanted, i, deed) for i, deed in allowed]
+    events = []
+    for i, deed in deeds:
+        if not world.stopped[i] or isinstance(deed, PickFrom):
+            events.append(_do_one(world, wanted, i, deed))
+    return events
 
 
 def _do_one(world: World, wanted: np.ndarray, i: int, deed: Deed) -> Event:
@@ -48,9 +51,11 @@ def _do_one(world: World, wanted: np.ndarray, i: int, deed: Deed) -> Event:
                 world.pick_from[i] = deed.x
                 return Event(world.tick, "picks from", name, "", f"x = {deed.x:.2f} m")
     except DeedRefused as reason:
-        other = printable(deed.bin) if isinstance(deed, Couple) else ""
+        bin_ = ""
+        if isinstance(deed, Couple):
+            bin_ = printable(deed.bin)
         detail = f"{type(deed).__name__.lower()}: {reason}"
-        return Event(world.tick, "deed refused", name, other, detail)
+        return Event(world.tick, "deed refused", name, bin_, detail)
     raise TypeError(f"not a deed: {deed!r}")
 
 
@@ -101,11 +106,12 @@ def _flatten(world: World, weed: int) -> str:
     boxes = world.fixed.shapes.copy()
     place(world.pose, boxes)
     # A rehearsal, in which nothing moves, compiles `gap` because it is asked for each body.
-    near = [i for i, box in enumerate(boxes) if gap(boxes[weed], box) <= WEED_REACH]
-    moving = [i for i in near if world.twist[i].any()]
-    _refuse_if(not moving, "nothing moves within 1 m")
+    gaps = np.array([gap(boxes[weed], box) for box in boxes])
+    is_moving = world.twist.any(axis=1)
+    moving_near = np.flatnonzero(is_moving & (gaps <= WEED_REACH)).tolist()
+    _refuse_if(not moving_near, "nothing moves within 1 m")
     world.alive[weed] = False
-    return world.layout.names[moving[0]]
+    return world.layout.names[moving_near[0]]
 
 
 def _refuse_unless_both_stand(world: World, wanted: np.ndarray, robot: int, bin_: int) -> None:

@@ -13,7 +13,6 @@ import numpy as np
 from orchard.contract.agent import Action, Hold, Observations, Scans, state_of
 from orchard.contract.events import Event
 from orchard.contract.messages import Deed, Flatten
-from orchard.field.kinds import kind_of
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.sim import batteries, stops
@@ -115,9 +114,10 @@ class Engine:
         rehearsal = Engine(World(self.layout))
         rehearsal.observe()
         rehearsal.due(())
-        weeds = [name for name in self.layout.names if kind_of(name) == "weed"]
-        actions = {name: Action(deeds=[Flatten()]) for name in weeds[:1]}
-        actions[self.layout.names[0]] = Action(hold=Hold(1))
+        actions = {self.layout.names[0]: Action(hold=Hold(1))}
+        weeds = self.layout.names_of("weed")
+        if weeds:
+            actions[weeds[0]] = Action(deeds=[Flatten()])
         rehearsal.advance(actions, {})
         rehearsal.violations()
 
@@ -179,7 +179,9 @@ class Engine:
     @property
     def hash(self) -> str:
         """The run's hash in hexadecimal digits; '' for a run that is not hashed."""
-        return self.digest.hex() if self.is_hashed else ""
+        if not self.is_hashed:
+            return ""
+        return self.digest.hex()
 
     @property
     def scans(self) -> Scans:
@@ -255,8 +257,9 @@ class Engine:
         heard = {}
         if mail_digests:
             # Mail to unknown names is left out.
-            names = [name for name in self.layout.agents if mail_digests.get(name)]
-            heard = {name: mail_digests[name] for name in names}
+            for name in self.layout.agents:
+                if mail_digests.get(name):
+                    heard[name] = mail_digests[name]
         self._stepped = Stepped(self.scans.ranges, heard, events)
         return events
 

@@ -31,7 +31,6 @@ class FrameBuilder:
         Units and shapes are those of `Frame`.
         """
         world = self._engine.world
-        scans = self._engine.scans
         if world.tick % WHOLE_TICKS == 0:
             self.forget()
         # That all fields are there is no sign of it: after some ticks without a frame all of them
@@ -39,15 +38,20 @@ class FrameBuilder:
         is_whole = not self._shown
         news = self._changed_words()
         velocities = np.concatenate([world.twist, self._engine.lookahead.wanted], axis=1)
-        seldom: dict[str, Any] = {
-            name: self._if_changed(name, getattr(world, name)) for name in SELDOM
-        }
+        doing = {}
+        states = {}
+        for name, (words, state) in news.items():
+            doing[name] = words
+            states[name] = state
+        seldom: dict[str, Any] = {}
+        for name in SELDOM:
+            seldom[name] = self._if_changed(name, getattr(world, name))
         return Frame(
             tick=world.tick,
             poses=world.pose.copy(),
-            doing={name: words for name, (words, _) in news.items()},
-            states={name: state for name, (_, state) in news.items()},
-            scans=list(scans) if world.tick % SCAN_TICKS == 0 else None,
+            doing=doing,
+            states=states,
+            scans=self._scans_if_due(),
             delivered=world.delivered,
             waiting_bins=world.waiting_bins,
             events=events,
@@ -57,6 +61,12 @@ class FrameBuilder:
             **seldom,
         )
 
+    def _scans_if_due(self) -> list[np.ndarray] | None:
+        """Return the scans of all bodies, every `SCAN_TICKS`; else None."""
+        if self._engine.tick % SCAN_TICKS:
+            return None
+        return list(self._engine.scans)
+
     def _charges(self, is_whole: bool) -> dict[str, float]:
         """Return the charges of all batteries, once a second and in a whole frame."""
         world = self._engine.world
@@ -64,7 +74,7 @@ class FrameBuilder:
         if not is_due or not world.layout.scenario.has_batteries:
             return {}
         carriers = world.fixed.carriers
-        names = [world.layout.names[carrier] for carrier in carriers]
+        names = world.layout.names_at(carriers.tolist())
         return dict(zip(names, world.charge[carriers].tolist(), strict=True))
 
     def forget(self) -> None:
@@ -95,7 +105,7 @@ class FrameBuilder:
         else:
             changed = np.arange(len(now))
         self._velocities = now
-        names = [self._engine.layout.names[i] for i in changed.tolist()]
+        names = self._engine.layout.names_at(changed.tolist())
         return dict(zip(names, map(tuple, now[changed].tolist()), strict=True))
 
     def _changed_words(self) -> dict[str, tuple[str, State]]:

@@ -196,8 +196,10 @@ def _known_of(world: World) -> Known:
         robot = ""
         if world.coupled[body] != NONE:
             robot = names[int(world.coupled[body])]
-        calls[bin_] = robot if kind_of(robot) == "carrier" else ""
-        if kind_of(robot) == "picker":
+        calls[bin_] = ""
+        if kind_of(robot) == "carrier":
+            calls[bin_] = robot
+        elif kind_of(robot) == "picker":
             lacking[robot] = bin_
     rows = [f"row {row + 1}" for row in world.rows_done.nonzero()[0].tolist()]
     return Known(world.delivered, rows, calls, lacking)
@@ -276,8 +278,13 @@ def _place_fault(robot: str, robots: list[str], is_unloading: bool) -> str:
 
     `robot`: to which the bin is coupled, '' for none. `robots`: those that are coupled to the bin.
     """
-    if robots != ([robot] if robot else []):
-        itself = f"on {robot}" if robot else "by itself"
+    if robot:
+        expected = [robot]
+        itself = f"on {robot}"
+    else:
+        expected = []
+        itself = "by itself"
+    if robots != expected:
         theirs = " and ".join(robots) or "no robot"
         return f"is not at one place: it is {itself}, and coupled to {theirs}"
     if is_unloading and kind_of(robot) != "carrier":
@@ -287,7 +294,9 @@ def _place_fault(robot: str, robots: list[str], is_unloading: bool) -> str:
 
 def _name(names: tuple[str, ...], body: int) -> str:
     """Return the name of a body; its number if there is no such body."""
-    return names[body] if 0 <= body < len(names) else f"number {body}"
+    if 0 <= body < len(names):
+        return names[body]
+    return f"number {body}"
 
 
 # -- bodies
@@ -302,10 +311,12 @@ def overlapping_bodies(world: World) -> Iterator[Violation]:
     names = world.layout.names
     walls = fixed.walls, fixed.wall_frame, fixed.wall_begin, fixed.wall_members
     for body, obstacle in overlaps(world.pose, fixed.shapes, fixed.solid, *walls).tolist():
-        other = names[obstacle] if obstacle < len(names) else "a fence, trunk or post"
+        thing = "a fence, trunk or post"
+        if obstacle < len(names):
+            thing = names[obstacle]
         x, y, _ = world.pose[body].tolist()
-        sentence = f"{names[body]} overlaps {other}, at ({x:.2f}, {y:.2f})"
-        yield f"inside {names[body]} {other}", sentence
+        sentence = f"{names[body]} overlaps {thing}, at ({x:.2f}, {y:.2f})"
+        yield f"inside {names[body]} {thing}", sentence
 
 
 def _moving_though_stopped(world: World) -> Iterator[Violation]:

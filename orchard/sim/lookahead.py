@@ -66,17 +66,19 @@ class Lookahead:
         layout = world.layout
         n = len(layout.names)
         # Agents that were asked, added up over all ticks.
-        self.asked = 0 if asked is None else msgspec.convert(asked, Tick)
+        self.asked = 0
+        if asked is not None:
+            self.asked = msgspec.convert(asked, Tick)
         self._agents = layout.agents
         self._layout = layout
         self._begin = begin
-        self._lasers: list[Laser] = [KINDS[start.kind].laser for start in layout.starts]
+        self._kinds = layout.kinds
         # (n, 3): the velocity of each body's last action.
         self.wanted = np.zeros((n, 3))
         # (n,) tick at which each body's agent is asked again; 0: it does not hold.
         self._until = np.zeros(n, dtype=np.int64)
         # The same for agents without a body, by name.
-        self._bodiless = {name: 0 for name in layout.agents if name not in layout.index}
+        self._bodiless = dict.fromkeys(layout.scenario.bodiless_agents, 0)
         # What each body observed when its agent answered: its partner, and its velocity; whether it
         # was full; whether its zones were occupied; whether its left side was freer.
         self._partner = np.full(n, NONE, dtype=np.int64)
@@ -110,9 +112,8 @@ class Lookahead:
         )  # fmt: skip
         self._before = ranges
         self.wake(mail)
-        names = self._agents
         bodies = (self._until == 0).nonzero()[0].tolist()
-        with_body = [names[i] for i in bodies]
+        with_body = self._layout.names_at(bodies)
         without_body = [name for name, until in self._bodiless.items() if until <= world.tick]
         self._due = with_body + without_body
         self.asked += len(self._due)
@@ -168,7 +169,7 @@ class Lookahead:
         """Write the numbers of zones of body i into its row of `numbers`."""
         numbers[i] = NONE
         for z, zone in enumerate(zones):
-            numbers[i, z] = self._number(self._lasers[i], zone)
+            numbers[i, z] = self._number(self._kinds[i].laser, zone)
 
     def _number(self, laser: Laser, zone: Zone) -> int:
         """Return the index of a zone's spans. If there are too many zones, all holds end."""
@@ -184,7 +185,9 @@ class Lookahead:
 
 def _end_of(hold: Hold | None, tick: int) -> int:
     """Return the tick at which an agent is asked again, if it holds from `tick` on; else 0."""
-    return 0 if hold is None else min(hold.until, tick + MOST_HOLD)
+    if hold is None:
+        return 0
+    return min(hold.until, tick + MOST_HOLD)
 
 
 class IgnoredHolds(Lookahead):

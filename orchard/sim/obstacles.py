@@ -52,7 +52,10 @@ def _bodies_in_the_way(world: World, robot: int, ahead: bool) -> list[int]:
     boxes = world.fixed.shapes.copy()
     place(world.pose, boxes)
     own = boxes[robot]
-    area = _box_ahead(own) if ahead else _box_around(own, world.layout.names[robot])
+    if ahead:
+        area = _box_ahead(own)
+    else:
+        area = _box_around(own, world.layout.names[robot])
     away = np.hypot(boxes[:, X] - own[X], boxes[:, Y] - own[Y])
     is_near = away < area[RADIUS] + own[RADIUS] + boxes[:, RADIUS]
     itself = (robot, int(world.coupled[robot]))

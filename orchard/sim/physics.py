@@ -82,8 +82,10 @@ def _collision(world: World, i: int, obstacle: int) -> Event:
     if obstacle < len(names):
         return Event(world.tick, "collision", names[i], names[obstacle])
     x, y, half_length, half_width = world.layout.walls[obstacle - len(names)].tolist()
-    what = "a fence" if max(half_length, half_width) > 1.0 else "a trunk or post"
-    return Event(world.tick, "collision", names[i], "", f"{what} at ({x:g}, {y:g})")
+    thing = "a trunk or post"
+    if max(half_length, half_width) > 1.0:
+        thing = "a fence"
+    return Event(world.tick, "collision", names[i], "", f"{thing} at ({x:g}, {y:g})")
 
 
 def _left_part_full(world: World, events: list[Event]) -> list[Event]:
@@ -227,8 +229,10 @@ def harvest_is_over(world: World) -> bool:
         return False
     pickers = fixed.pickers.tolist()
     carriers = fixed.carriers.tolist()
-    is_any_moving = any(not is_at_rest(world, i) for i in pickers + carriers)
-    return not is_any_moving and all(_waits_in_queue(world, carrier) for carrier in carriers)
+    for robot in pickers + carriers:
+        if not is_at_rest(world, robot):
+            return False
+    return all(_waits_in_queue(world, carrier) for carrier in carriers)
 
 
 def _is_all_unloaded(world: World) -> bool:

@@ -27,7 +27,9 @@ def fitting(snapshot: Snapshot) -> Iterator[None]:
     try:
         yield
     except (ScenarioError, KeyError, ValueError, TypeError, OverflowError) as error:
-        fault = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+        fault = str(error)
+        if isinstance(error, KeyError):
+            fault = f"{error} is missing"
         tick = snapshot.world.get("tick")
         raise SnapshotError(f"the snapshot of tick {tick} is inconsistent: {fault}") from error
 
@@ -41,8 +43,10 @@ def world_from(snapshot: Snapshot) -> World:
         world = World(lay_out(check(snapshot.scenario, "the snapshot's scenario")))
         for name, value in world.state.items():
             setattr(world, name, _like(value, snapshot.world[name]))
+        faults = list(_faults(world))
         unknown = {*snapshot.owned, *snapshot.memories} - set(world.layout.agents)
-        faults = [*_faults(world), *(f"{name}: there is no such agent" for name in sorted(unknown))]
+        for name in sorted(unknown):
+            faults.append(f"{name}: there is no such agent")
         if faults:
             raise ValueError("; ".join(faults[:5]))
     return world
@@ -101,13 +105,17 @@ def _faults(world: World) -> Iterator[str]:
 
 def _are_pairs(world: World) -> bool:
     """Whether each coupling is one of a robot that tows and a bin, and both know of it."""
-    kinds = [start.kind for start in world.layout.starts]
+    starts = world.layout.starts
     coupled = world.coupled.tolist()
     for i, j in enumerate(coupled):
         if j == NONE:
             continue
         is_mutual = 0 <= j < len(coupled) and coupled[j] == i
-        if not is_mutual or not (_tows(kinds[i], kinds[j]) or _tows(kinds[j], kinds[i])):
+        if not is_mutual:
+            return False
+        kind = starts[i].kind
+        kind_of_partner = starts[j].kind
+        if not (_tows(kind, kind_of_partner) or _tows(kind_of_partner, kind)):
             return False
     return True
 

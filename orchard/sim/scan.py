@@ -15,6 +15,7 @@ from orchard.contract.agent import STATE, Hitch, Observations, Scans
 from orchard.field import repeatable
 from orchard.field.geometry import Twist
 from orchard.field.kinds import AROUND, KINDS, LASER_RANGE, Laser
+from orchard.field.layout import Layout
 from orchard.sim.kernels.boxes import RADIUS
 from orchard.sim.kernels.grid import frame_of, space_for
 from orchard.sim.kernels.jit import in_order
@@ -30,7 +31,7 @@ class Scanner:
 
     def __init__(self, world: World) -> None:
         scenario = world.layout.scenario
-        lasers = [KINDS[start.kind].laser for start in world.layout.starts]
+        lasers = [kind.laser for kind in world.layout.kinds]
         # (n + 1,): the ranges of body i are begin[i] to begin[i + 1].
         self.begin = np.cumsum([0] + [laser.beams for laser in lasers], dtype=np.int64)
         self._begin = self.begin.tolist()
@@ -104,8 +105,11 @@ def _fan(laser: Laser) -> tuple[np.ndarray, np.ndarray]:
     They are cosines and sines, (2, beams), and the fractional beam index at each step of the
     diamond, (4 STEPS + 2,).
     """
-    angles_of_beams = [laser.first + k * laser.increment for k in range(laser.beams)]
-    beams = np.array([repeatable.sin_cos(angle)[::-1] for angle in angles_of_beams]).T.copy()
+    cosines_and_sines = []
+    for k in range(laser.beams):
+        sine, cosine = repeatable.sin_cos(laser.first + k * laser.increment)
+        cosines_and_sines.append((cosine, sine))
+    beams = np.array(cosines_and_sines).T.copy()
     quarters, shares = np.divmod(np.arange(4 * STEPS + 2) / STEPS, 1.0)
     angles = []
     for quarter, share in zip(quarters.tolist(), shares.tolist(), strict=True):
@@ -118,25 +122,29 @@ def observe(world: World, scans: Scans) -> Observations:
 
     scans: as `Scanner.scan` returns them.
     """
-    names = world.layout.names
-    states = np.empty((len(names), STATE))
+    layout = world.layout
+    states = np.empty((len(layout.names), STATE))
     states[:, :2] = world.pose[:, :2]
     states[:, 2:4] = quaternions(world.pose)
     states[:, 4:] = world.twist
-    fills = {names[i]: float(world.fill[i]) for i in world.fill.nonzero()[0].tolist()}
-    full = {names[i] for i in world.full.nonzero()[0].tolist()}
-    carriers = world.fixed.carriers.tolist() if world.layout.first_charging else []
-    charges = {names[i]: float(world.charge[i]) for i in carriers}
+    charges = {}
+    if layout.first_charging:
+        charges = _by_name(layout, world.charge, world.fixed.carriers)
     return Observations(
         tick=world.tick,
-        names=world.layout.index,
+        names=layout.index,
         states=states,
         scans=scans,
         hitches=Hitches(world, states, scans),
-        fills=fills,
-        full=full,
+        fills=_by_name(layout, world.fill, world.fill.nonzero()[0]),
+        full=set(layout.names_at(world.full.nonzero()[0].tolist())),
         charges=charges,
     )
+
+
+def _by_name(layout: Layout, values: np.ndarray, bodies: np.ndarray) -> dict[str, float]:
+    """Return the values of some bodies by their names. `values`: (n,); `bodies`: indices."""
+    return dict(zip(layout.names_at(bodies.tolist()), values[bodies].tolist(), strict=True))
 
 
 class Hitches(Mapping[str, Hitch]):
@@ -171,11 +179,14 @@ class Hitches(Mapping[str, Hitch]):
         if name in self._errors:
             x += self._errors[name].item(0)
             y += self._errors[name].item(1)
-        scan = self._scans[other] if self._tows[i] > 0.0 else None
-        return Hitch(self._layout.names[other], x, y, (z, w), Twist(vx, vy, turn), scan)
+        scan = None
+        if self._tows[i] > 0.0:
+            scan = self._scans[other]
+        twist = Twist(vx, vy, turn)
+        return Hitch(self._layout.names[other], x, y, (z, w), twist=twist, scan=scan)
 
     def __iter__(self) -> Iterator[str]:
-        return (self._layout.names[i] for i in np.flatnonzero(self._coupled != NONE).tolist())
+        return iter(self._layout.names_at(np.flatnonzero(self._coupled != NONE).tolist()))
 
     def __len__(self) -> int:
         return int(np.count_nonzero(self._coupled != NONE))

@@ -73,7 +73,9 @@ class Sensors:
         self._drifts = odometry.distance > 0.0 or odometry.heading > 0.0
         # m: the deviation of the receiver's error in x, and in y.
         accuracy = math.sqrt(gnss.white**2 + gnss.bias**2)
-        self._accuracies = dict.fromkeys(self._robots, accuracy) if accuracy else {}
+        self._accuracies: dict[str, float] = {}
+        if accuracy:
+            self._accuracies = dict.fromkeys(self._robots, accuracy)
         for name, i in self._robots.items():
             # There is none yet at tick 0, or if a fork has added it.
             if not world.bias[i].any():
@@ -139,7 +141,9 @@ class Sensors:
     @property
     def _drifting(self) -> Collection[int]:
         """The bodies with errors in their odometry."""
-        return self._robots.values() if self._drifts else ()
+        if not self._drifts:
+            return ()
+        return self._robots.values()
 
     def inexact(self) -> np.ndarray:
         """Return the poses that are measured with errors now, (bodies, 5), NaN where exact.

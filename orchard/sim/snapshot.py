@@ -113,11 +113,12 @@ def snapshots_in(folder: Path, *suffixes: str) -> list[Path]:
 
     Files with names that the program does not give are others' and are left out.
     """
-    return [
-        path
-        for path in folder.glob("tick-*")
-        if re.fullmatch(NAMES, path.name) and (not suffixes or path.suffix in suffixes)
-    ]
+    paths = []
+    for path in folder.glob("tick-*"):
+        is_asked_for = not suffixes or path.suffix in suffixes
+        if is_asked_for and re.fullmatch(NAMES, path.name):
+            paths.append(path)
+    return paths
 
 
 def _outdated(path: Path) -> list[Path]:
@@ -129,7 +130,9 @@ def _outdated(path: Path) -> list[Path]:
     others = [old for old in written if old != path]
     if path.stem == STEM % 0:
         return others
-    return [] if path.suffix == KEYFRAME else others[KEPT - 1 :]
+    if path.suffix == KEYFRAME:
+        return []
+    return others[KEPT - 1 :]
 
 
 def read(path: Path) -> Snapshot:

@@ -3,7 +3,7 @@
 A robot has one state in each tick, so its states add up to the run.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -38,18 +38,14 @@ class StateTimes:
 
         `data`: `counts` as plain data. Raises ValueError or KeyError if it does not fit the world.
         """
-        robots = [name for name in world.layout.names if kind_of(name) in ROBOTS]
+        robots = world.layout.names_of(*ROBOTS)
         if data is None:
-            known = StateCounts(world.tick, {name: [0] * len(STATES) for name in robots})
+            self._known = StateCounts(world.tick, {})
+            for name in robots:
+                self._known.ticks[name] = [0] * len(STATES)
+                self._known.stopped[name] = 0
         else:
-            known = msgspec.convert(data, StateCounts)
-        self._known = StateCounts(
-            since=known.since,
-            ticks={name: known.ticks[name] for name in robots},
-            stopped={name: known.stopped.get(name, 0) for name in robots},
-        )
-        if any(len(ticks) != len(STATES) for ticks in self._known.ticks.values()):
-            raise ValueError(f"states: each robot must have {len(STATES)} numbers")
+            self._known = _counts_in(data, robots)
         self._body = {name: world.layout.index[name] for name in robots}
         # Robot -> the number of its state.
         self._now = dict.fromkeys(robots, _NUMBER["resting"])
@@ -57,7 +53,7 @@ class StateTimes:
         self._latched = bytes(len(world.stopped))
         counted = max((sum(ticks) for ticks in self._known.ticks.values()), default=0)
         # The tick at which the last update ended.
-        self._tick = known.since + counted
+        self._tick = self._known.since + counted
         # Robot -> the tick up to which its ticks are counted.
         self._from = dict.fromkeys(robots, self._tick)
 
@@ -79,8 +75,9 @@ class StateTimes:
             self._count(self._body, begun)
             self._latched = latched
         for name, action in answers.items():
-            word = "resting" if action is None else state_of(action)
-            state = _NUMBER[word]
+            state = _NUMBER["resting"]
+            if action is not None:
+                state = _NUMBER[state_of(action)]
             if self._now.get(name, state) != state:
                 self._count([name], begun)
                 self._now[name] = state
@@ -123,6 +120,21 @@ class StateTimes:
                 kinds[kind] = _seconds_by_state(of_kind)
         stopped = {name: _seconds(ticks) for name, ticks in counts.stopped.items() if ticks}
         return {"state_seconds": kinds, "stopped_seconds": stopped}
+
+
+def _counts_in(data: dict[str, Any], robots: Sequence[str]) -> StateCounts:
+    """Return what a resumed run has counted, of these robots.
+
+    Raises ValueError or KeyError if a robot or one of its states is missing.
+    """
+    known = msgspec.convert(data, StateCounts)
+    counts = StateCounts(known.since, {})
+    for name in robots:
+        counts.ticks[name] = known.ticks[name]
+        counts.stopped[name] = known.stopped.get(name, 0)
+        if len(counts.ticks[name]) != len(STATES):
+            raise ValueError(f"states: each robot must have {len(STATES)} numbers")
+    return counts
 
 
 def _seconds_by_state(counts: list[list[int]]) -> dict[str, float]:

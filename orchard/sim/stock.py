@@ -32,6 +32,6 @@ def advance(world: World) -> None:
     every = world.layout.machines["carrier"].truck_ticks
     if not every or world.tick == 0 or world.tick % every:
         return
-    truck = world.layout.scenario.load_out.truck
+    truck = world.scenario.load_out.truck
     assert truck.bins is not None
     world.waiting_bins = max(0, world.waiting_bins - truck.bins)

@@ -18,7 +18,7 @@ from orchard.sim.world import NONE, World
 
 def stopped(world: World) -> list[str]:
     """Return the names of the bodies that are stopped, in body order."""
-    return [world.layout.names[i] for i in world.stopped.nonzero()[0].tolist()]
+    return world.layout.names_at(world.stopped.nonzero()[0].tolist())
 
 
 def latch(world: World, words: Sequence[str], stop: bool) -> list[str]:
@@ -27,13 +27,13 @@ def latch(world: World, words: Sequence[str], stop: bool) -> list[str]:
     Return the names of the bodies that change. `stop`: False to reset. Raises ValueError for a word
     that is no robot's name or kind.
     """
-    robots = [start.name for start in world.layout.starts if start.kind in ROBOTS]
+    robots = world.layout.names_of(*ROBOTS)
     meant = [world.index[name] for name in select_agents(robots, list(words), [])]
-    partners = [int(world.coupled[i]) for i in meant]
+    partners = world.coupled[meant].tolist()
     bodies = {*meant, *partners} - {NONE}
     changed = [i for i in sorted(bodies) if bool(world.stopped[i]) is not stop]
     world.stopped[changed] = stop
-    return [world.layout.names[i] for i in changed]
+    return world.layout.names_at(changed)
 
 
 def as_shown(world: World, actions: Mapping[str, Action]) -> Mapping[str, Action]:

@@ -1,15 +1,15 @@
 """The state of the orchard, which only physics changes: all that a snapshot must hold."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from orchard.field.kinds import KINDS, LASER_RANGE
+from orchard.field.kinds import LASER_RANGE
 from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.passes import FULL_WITHIN
-from orchard.field.scenario import TIME_STEP
+from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.sim.kernels.boxes import RADIUS, boxes_of
 from orchard.sim.kernels.grid import Grid, frame_of, grid_of, space_for
 from orchard.sim.kernels.move import ANYWHERE, NONE, full_bins, picked_metres
@@ -108,37 +108,38 @@ def _space_of(fixed: Fixed) -> Space:
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def fixed_of(layout: Layout) -> Fixed:
     """Return what a layout says of its bodies, rows and walls. The arrays are never changed."""
-    kinds = [KINDS[start.kind] for start in layout.starts]
-    halves = np.array([(kind.length / 2, kind.width / 2) for kind in kinds]).reshape(-1, 2)
-    shapes = boxes_of(np.zeros_like(halves), halves)
+    kinds = layout.kinds
     machines = [layout.machines[start.kind] for start in layout.starts]
-    speed = np.array([machine.speed for machine in machines], dtype=np.float64)
+    halves = np.column_stack([_array_of(kinds, "length"), _array_of(kinds, "width")]) / 2
+    shapes = boxes_of(np.zeros_like(halves), halves)
+    speed = _array_of(machines, "speed")
     radius = float(shapes[:, RADIUS].max(initial=0.0))
     step = float(speed.max(initial=0.0)) * TIME_STEP
     walls = boxes_of(layout.walls[:, :2], layout.walls[:, 2:])
     walls_in_touch = _grid(walls.tobytes(), radius)
     lanes = layout.lanes
+    row_length = _array_of(lanes, "length")
     if layout.scenario.bin_metres:
         bin_least = FULL_WITHIN
-        row_share = [1.0 for _ in lanes]
+        row_share = np.ones(len(lanes))
     else:
         bin_least = layout.metres_per_bin
-        row_share = [layout.row_length / lane.length for lane in lanes]
+        row_share = layout.row_length / row_length
     return Fixed(
         speed=speed,
-        turn=np.array([machine.turn for machine in machines], dtype=np.float64),
-        tows=np.array([kind.tows for kind in kinds], dtype=np.float64),
-        solid=np.array([kind.solid for kind in kinds], dtype=bool),
-        sideways=np.array([kind.sideways for kind in kinds], dtype=bool),
+        turn=_array_of(machines, "turn"),
+        tows=_array_of(kinds, "tows"),
+        solid=_array_of(kinds, "solid", bool),
+        sideways=_array_of(kinds, "sideways", bool),
         shapes=shapes,
         pickers=_indices(layout, "picker"),
         bin_full=layout.metres_per_bin,
         bin_least=bin_least,
-        row_share=np.array(row_share),
-        row_west=np.array([lane.west for lane in lanes]),
-        row_length=np.array([lane.length for lane in lanes]),
-        row_y=np.array([lane.y for lane in lanes]),
-        row_speed=np.array([lane.picking_speed for lane in lanes]),
+        row_share=row_share,
+        row_west=_array_of(lanes, "west"),
+        row_length=row_length,
+        row_y=_array_of(lanes, "y"),
+        row_speed=_array_of(lanes, "picking_speed"),
         walls=walls,
         wall_frame=walls_in_touch.frame,
         wall_begin=walls_in_touch.begin,
@@ -149,10 +150,14 @@ def fixed_of(layout: Layout) -> Fixed:
     )
 
 
+def _array_of(records: Sequence[object], name: str, dtype: type = float) -> np.ndarray:
+    """Return one attribute of each record as an array, such as the `west` of each lane."""
+    return np.array([getattr(record, name) for record in records], dtype=dtype)
+
+
 def _indices(layout: Layout, kind: str) -> np.ndarray:
     """Return the indices of the bodies of a kind, int64."""
-    bodies = [i for i, start in enumerate(layout.starts) if start.kind == kind]
-    return np.array(bodies, dtype=np.int64)
+    return np.array(layout.indices_of(kind), dtype=np.int64)
 
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
@@ -284,6 +289,11 @@ class World:
     def is_any_plugged(self) -> bool:
         """Whether a carrier has a charger."""
         return True in self.plugged.tolist()
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario that is simulated."""
+        return self.layout.scenario
 
     @property
     def index(self) -> Mapping[str, int]:

@@ -155,8 +155,11 @@ def _beams_of(name: str) -> int:
 def _hitch_of(other: wire.OtherSeen) -> Hitch:
     """Return the body at the other end of the bar. Raises ValueError for invalid ranges."""
     x, y, z, w, vx, vy, turn = other.state
-    scan = None if other.ranges is None else _sweeps_of(["bin"], other.ranges)[0]
-    return Hitch(other.name, x, y, (z, w), Twist(vx, vy, turn), scan)
+    scan = None
+    if other.ranges is not None:
+        scan = _sweeps_of(["bin"], other.ranges)[0]
+    twist = Twist(vx, vy, turn)
+    return Hitch(other.name, x, y, (z, w), twist=twist, scan=scan)
 
 
 def _sweeps_of(names: Sequence[str], ranges: bytes) -> list[np.ndarray]:
@@ -200,7 +203,7 @@ def orchard_of(run: str, tick: int, layout: Layout) -> wire.Orchard:
         name: _kind_of_body(kind, layout.machines[name]) for name, kind in sorted(KINDS.items())
     }
     walls = [tuple(wall) for wall in layout.walls.tolist()]
-    return wire.Orchard(run, tick, walls, rows, bodies, kinds)
+    return wire.Orchard(run=run, tick=tick, walls=walls, rows=rows, bodies=bodies, kinds=kinds)
 
 
 def _pose_of(pose: Pose) -> wire.PoseMessage:

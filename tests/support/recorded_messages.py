@@ -164,10 +164,10 @@ class Run:
         self.host = Host(
             StandIn(self.net, HOST),
             KEYS,
-            run,
-            "lockstep",
-            self.engine.layout,
-            cast(self.engine.layout),
+            run=run,
+            mode="lockstep",
+            layout=self.engine.layout,
+            agents=cast(self.engine.layout),
         )
 
     def to_the_end(self):

@@ -35,7 +35,7 @@ class PickerDriver(Driver):
         if action.action_type == PICK:
             return [FetchEmpty(side.place("D", row))]
         x = self.pose.x
-        end_of_pass = pass_at(row, side, x, x, self.duty.fill, self.duty.is_laden)
+        end_of_pass = pass_at(row, side, x, x, fill=self.duty.fill, is_full=self.duty.is_laden)
         stop_line = self.route.hold(row, side)
         return self.route.leave(end_of_pass, side, self.route.cross(side, row, stop_line))
 

@@ -127,5 +127,8 @@ def is_left_freer(ranges, first, end, reach):
     surplus = 0
     for k in range(first, end):
         if ranges[k] < reach:
-            surplus += 1 if k >= middle else -1
+            if k >= middle:
+                surplus += 1
+            else:
+                surplus -= 1
     return surplus <= 0

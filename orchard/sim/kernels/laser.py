@@ -202,7 +202,9 @@ def _in_sensor_frame(box, x, y, c, s):
 @inlined
 def _side_of(value):
     """Return 1 for a positive number, else -1."""
-    return 1.0 if value > 0.0 else -1.0
+    if value > 0.0:
+        return 1.0
+    return -1.0
 
 
 @inlined
@@ -246,7 +248,9 @@ def diamond(x, y, cosine, sine):
     share = left / (abs(ahead) + abs(left))
     if ahead < 0.0:
         return 2.0 - share
-    return share if left >= 0.0 else 4.0 + share
+    if left < 0.0:
+        return 4.0 + share
+    return share
 
 
 @inlined

@@ -144,9 +144,13 @@ def limit(wanted, stopped, speed, coupled, turn, sideways, twists):
             twists[i, :] = 0.0
             continue
         forward = _clamp(wanted[i, 0], speed[i])
-        left = _clamp(wanted[i, 1], speed[i]) if sideways[i] else 0.0
+        left = 0.0
+        if sideways[i]:
+            left = _clamp(wanted[i, 1], speed[i])
         together = np.sqrt(forward * forward + left * left)
-        share = speed[i] / together if together > speed[i] else 1.0
+        share = 1.0
+        if together > speed[i]:
+            share = speed[i] / together
         twists[i, 0] = forward * share
         twists[i, 1] = left * share
         twists[i, 2] = _clamp(wanted[i, 2], turn[i])
@@ -172,7 +176,9 @@ def arc(x, y, yaw, forward, left, turn, seconds):
     """
     half = 0.5 * turn * seconds
     s, c = sin_cos(yaw + half)
-    length = seconds if half == 0.0 else seconds * (sin_cos(half)[0] / half)
+    length = seconds
+    if half != 0.0:
+        length = seconds * (sin_cos(half)[0] / half)
     return (
         x + length * (c * forward - s * left),
         y + length * (s * forward + c * left),
@@ -268,7 +274,9 @@ def _obstacle_of(moved, i, solids, walls):
     if first < len(boxes):
         return first
     wall = _wall_at(moved, walls)
-    return NONE if wall == NONE else len(boxes) + wall
+    if wall == NONE:
+        return NONE
+    return len(boxes) + wall
 
 
 @inlined
@@ -411,9 +419,9 @@ def _pick_up_to(r, x, is_eastward, a_bin, rows, fill):
     west = rows.west[r]
     east = west + rows.length[r]
     reached = min(max(x, west), east)
-    done = reached - west if is_eastward else east - reached
-    end = _WEST if is_eastward else _EAST
-    return _pick_row(r, end, done, a_bin, rows, fill)
+    if is_eastward:
+        return _pick_row(r, _WEST, reached - west, a_bin, rows, fill)
+    return _pick_row(r, _EAST, east - reached, a_bin, rows, fill)
 
 
 @jit
@@ -455,7 +463,9 @@ def _pick_row(r, end, done, a_bin, rows, fill):
     share = rows.share[r]
     ripe = rows.length[r] - picked[1 - end]
     room = (rows.full - fill[a_bin]) / share
-    part = end if picked[_INSIDE_WEST] == 0.0 else _INSIDE_WEST + end
+    part = end
+    if picked[_INSIDE_WEST] != 0.0:
+        part = _INSIDE_WEST + end
     was = picked[part]
     remaining = min(ripe - was, room)
     grows = min(done - was, remaining)
@@ -477,7 +487,9 @@ def _pick_row(r, end, done, a_bin, rows, fill):
 @inlined
 def _or_full(metres, full, within):
     """Return `full` if less than `within` is lacking, else `metres`; m."""
-    return full if metres >= full - within else metres
+    if metres >= full - within:
+        return full
+    return metres
 
 
 @allocating

@@ -68,7 +68,10 @@ class EventHarvest:
             own["rears"] = np.repeat(own["rears"], len(self.names), axis=0)
         if is_logged:
             own["log"] = np.zeros(LOG_ROWS, columns.LOG).view(np.recarray)
-        self.model = prepared.model._replace(**own, **self.program.arrays())
+        self.model = prepared.model._replace(**own)
+        # The size of the program whose arrays the model has.
+        self._taken = (0, 0)
+        self.take_program()
         # The tick up to which `run` has carried it on.
         self._until = 0
         # The bins that were delivered before it began, if it goes on from a run.
@@ -247,8 +250,12 @@ class EventHarvest:
         self.model.desk.knows_ways = True
 
     def take_program(self) -> None:
-        """Take over the arrays of the program, which may be new ones because it has grown."""
-        self.model = self.model._replace(**self.program.arrays())
+        """Take over the arrays of the program, if it has grown since they were last taken over."""
+        # To take them over takes ten times as long as most events between two decisions.
+        size = self.program.size
+        if size != self._taken:
+            self.model = self.model._replace(**self.program.arrays())
+            self._taken = size
 
     # -- what came of it
 

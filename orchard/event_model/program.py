@@ -146,6 +146,12 @@ class Program:
                 "jobs": self.jobs.copy(),
             }
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """The ops and the lists of places: `arrays` are others only when there are more of them."""
+        with self._lock:
+            return len(self.ops), len(self.places)
+
     def end_number(self, row: int, side: str) -> int:
         """Return the number of a lane's end."""
         return 2 * (row - 1) + SIDES.index(side)

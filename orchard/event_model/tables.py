@@ -62,6 +62,9 @@ class PlaceLists:
         vars(self).update(state)
         self._lock = RLock()
 
+    def __len__(self) -> int:
+        return len(self._numbers)
+
     @property
     def array(self) -> np.ndarray:
         """The lists, (lists, words) bits, with space behind them."""

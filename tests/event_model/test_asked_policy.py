@@ -5,6 +5,7 @@ from quiet import NOBODY
 
 from orchard.event_model import codes as c
 from orchard.event_model.harvest import EventHarvest
+from orchard.event_model.program import Program
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 
@@ -58,3 +59,22 @@ def test_a_policy_that_is_asked_each_time_decides_the_same(crew) -> None:
     assert each_time.questions > harvest.questions
     assert each_time.deliveries == harvest.deliveries
     assert each_time.seconds == harvest.seconds
+
+
+def test_questions_in_between_take_over_no_arrays(monkeypatch) -> None:
+    """To take over the arrays of the program takes longer than all else between two questions."""
+    taken = []
+
+    def counted(program: Program) -> dict:
+        taken.append(len(program.ops))
+        return program_arrays(program)
+
+    program_arrays = Program.arrays
+    monkeypatch.setattr(Program, "arrays", counted)
+    harvest = harvest_of(CREWS[0])
+    harvest.model.desk.policy = c.IN_PYTHON_EARLY
+    assert harvest.asked_policy is not None
+    harvest.asked_policy.decides_when_due = False
+    harvest.run()
+    assert harvest.questions > 5 * len(taken)
+    assert taken == sorted(set(taken))

@@ -8,6 +8,7 @@ import mmap
 import os
 import resource
 import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -117,6 +118,45 @@ class MemoryReader(Honest):
         raise Found(opened)
 
 
+def _pid_of_benchmark():
+    """The process above the one that forked this one."""
+    status = Path(f"/proc/{os.getppid()}/status").read_text().split()
+    return int(status[status.index("PPid:") + 1])
+
+
+class MemoryReaderAnew(Honest):
+    """Starts another program that looks into the benchmark. Root's begin with all rights."""
+
+    def assign(self, now, bins, carriers, memory):
+        program = f"open('/proc/{_pid_of_benchmark()}/mem', 'rb'); print('opened')"
+        done = subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, text=True, check=False
+        )
+        raise Found(done.stdout + done.stderr[-200:])
+
+
+class Stopper(Honest):
+    """Would hold the benchmark, and with it the clock of a decision."""
+
+    def assign(self, now, bins, carriers, memory):
+        # 0 only asks whether a signal could be sent.
+        os.kill(_pid_of_benchmark(), 0)
+        raise Found("it can send signals")
+
+
+class SecretReader(Honest):
+    """Reads the file of the secret, and one beside it."""
+
+    def __init__(self, layout):
+        folder = Path(os.environ["TMPDIR"])
+        texts = [folder.joinpath("beside.txt").read_text()]
+        try:
+            texts.append(folder.joinpath("secret.txt").read_text())
+        except PermissionError:
+            texts.append("refused")
+        raise Found(texts)
+
+
 class ArgumentReader(Honest):
     def assign(self, now, bins, carriers, memory):
         wanted = ("PATH", "PYTHONPATH", "HOME", "LANG", "LC_ALL", "TMPDIR", "VIRTUAL_ENV")
@@ -221,6 +261,12 @@ class NumberMaker(Honest):
 class OrderOfNumbers(Honest):
     def assign(self, now, bins, carriers, memory):
         return [Assignment(float("nan"), float("nan"))]
+
+
+class Unversioned(Honest):
+    @property
+    def version(self):
+        raise Found("no version")
 
 
 class Raiser(Honest):

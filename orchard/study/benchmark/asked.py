@@ -81,11 +81,15 @@ class PolicyRefused(Exception):
 
 @dataclass(frozen=True)
 class Limits:
-    """How long a policy may take: s of the clock, and of the processor in a harvest."""
+    """How long a policy may take: s of the clock, and of the processor in a harvest; and what it
+    may not read.
+    """
 
     decision_seconds: float = DECISION_SECONDS
     begin_seconds: float = BEGIN_SECONDS
     processor_seconds: int = HARVEST_PROCESSOR_SECONDS
+    #: Files.
+    hidden: tuple[str, ...] = ()
 
 
 class PolicyProcess:
@@ -121,7 +125,8 @@ class PolicyProcess:
         """
         if self._process is None:
             self._start()
-            self._tell(Load(self.policy), self._limits.begin_seconds, "to begin")
+            load = Load(self.policy, [*self._limits.hidden])
+            self._tell(load, self._limits.begin_seconds, "to begin")
         seen = with_changes(nothing_drawn(scenario), dispatch=self.policy)
         self._tick = 0
         begin = Begin(seen.model_dump_json(), self._limits.processor_seconds)
@@ -276,9 +281,12 @@ class PolicyProcess:
                     self.stop()
                     raise AskingStopped
                 left = until - time.monotonic()
-                if selector.select(min(GLANCE, max(0.0, left))):
+                is_ready = bool(selector.select(min(GLANCE, max(0.0, left))))
+                # This process may have been stopped meanwhile, by the policy too.
+                is_late = time.monotonic() > until
+                if is_ready and not is_late:
                     return
-                if left <= GLANCE:
+                if is_late:
                     self.stop()
                     raise too_slow
 

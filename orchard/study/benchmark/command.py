@@ -18,7 +18,9 @@ from orchard.dispatch.policies import POLICIES
 from orchard.field.problems import ScenarioError, printable
 from orchard.field.scenario import NEAREST, ROLLING
 from orchard.report.summary import SUMMARY, write_if_wanted
+from orchard.study.benchmark.asked import Limits
 from orchard.study.benchmark.bounds import hidden_instances, secret_of
+from orchard.study.benchmark.confined import can_hide
 from orchard.study.benchmark.families import commitment, scenarios_of
 from orchard.study.benchmark.instances import Instance, instances
 from orchard.study.benchmark.scores import Benchmark, BenchmarkResult
@@ -204,11 +206,24 @@ def _done(
                 is_checked=chosen.check,
                 tell=show,
                 is_stopped=is_stopped,
+                limits=_limits(chosen.secret),
             )
         result = asked.run()
         if result is None:
             return None
         return result, asked.submission() if chosen.submission is not None else None
+
+
+def _limits(secret: Path | None) -> Limits:
+    """Return what a policy may do. It may not read the file of a secret; a pipe was read."""
+    if secret is None or not secret.is_file():
+        return Limits()
+    if not can_hide():
+        print_error(
+            f"{secret}: this system cannot hide it from the policy, which may read it and know all"
+            " orchards of the split; give it over a pipe from elsewhere, or run in a container"
+        )
+    return Limits(hidden=(str(secret.resolve()),))
 
 
 def _print(result: BenchmarkResult) -> None:

@@ -22,6 +22,8 @@ class Load(msgspec.Struct, tag=True, frozen=True):
     """Import the module of a policy."""
 
     policy: str
+    #: Files that it may not read, where the system can hide them.
+    hidden: list[str]
 
 
 class Begin(msgspec.Struct, tag=True, frozen=True):

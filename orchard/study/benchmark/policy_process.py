@@ -4,12 +4,11 @@ It imports the policy's module once. For each harvest it forks a process that as
 the class. So no harvest can know what happened in another one.
 """
 
-import ctypes
 import os
 import resource
 import signal
-import sys
 from contextlib import suppress
+from pathlib import Path
 from typing import BinaryIO
 
 import msgspec
@@ -17,9 +16,10 @@ import msgspec
 from orchard.behaviour.dispatcher import PolicyFault
 from orchard.event_model.policies import AskedPolicy
 from orchard.field.layout import lay_out
-from orchard.field.plugins import MISTAKES, import_own
+from orchard.field.plugins import MISTAKES, import_own, reraise_ctrl_c, text_of
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario
+from orchard.study.benchmark.confined import confine, drop_rights, limit
 from orchard.study.benchmark.exchange import (
     Ask,
     Begin,
@@ -43,11 +43,6 @@ MOST_MEMORY = 4 * 2**30
 DEAF_SECONDS = 1
 # Characters of the version of a policy.
 LONGEST_VERSION = 100
-# Of Linux: prctl, and the size of what capset takes.
-_DIE_WITH_PARENT = 1
-_SIGKILL = 9
-_CAPABILITIES_VERSION = 0x20080522
-_CAPABILITY_WORDS = 6
 
 
 def main() -> None:
@@ -59,11 +54,12 @@ def main() -> None:
     answers = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(2, 1)
-    _drop_rights()
-    _limit(resource.RLIMIT_DATA, MOST_MEMORY)
-    _limit(resource.RLIMIT_CORE, 0)
+    drop_rights()
+    limit(resource.RLIMIT_DATA, MOST_MEMORY)
+    limit(resource.RLIMIT_CORE, 0)
     while (question := next_question(questions)) is not None:
         if isinstance(question, Load):
+            confine([Path(name) for name in question.hidden])
             # What is wrong with it is told when it is made.
             with suppress(*_passed_over()):
                 import_own(question.policy.replace(":", ".").rpartition(".")[0])
@@ -82,8 +78,8 @@ def _in_fork(begin: Begin, questions: BinaryIO, answers: BinaryIO) -> None:
     lay_out(scenario)
     child = os.fork()
     if child == 0:
-        _drop_rights()
-        _limit(resource.RLIMIT_CPU, begin.processor_seconds, DEAF_SECONDS)
+        drop_rights()
+        limit(resource.RLIMIT_CPU, begin.processor_seconds, DEAF_SECONDS)
         with suppress(BrokenPipeError):
             _harvest(scenario, questions, answers)
         os._exit(TOLD_TO_END)
@@ -107,7 +103,13 @@ def _harvest(scenario: Scenario, questions: BinaryIO, answers: BinaryIO) -> None
     except ScenarioError as error:
         answers.write(framed(Fault("\n".join(problem.text for problem in error.problems))))
         return
-    version = str(getattr(policy.policy, "version", ""))[:LONGEST_VERSION]
+    try:
+        version = str(getattr(policy.policy, "version", ""))[:LONGEST_VERSION]
+    except MISTAKES as error:
+        reraise_ctrl_c(error)
+        fault = f"its `version` cannot be read: {type(error).__name__}: {text_of(error)}"
+        answers.write(framed(Fault(f"cannot be used: {fault}")))
+        return
     answers.write(framed(Ready(policy.is_early, version)))
     while isinstance(question := next_question(questions), Ask):
         try:
@@ -117,25 +119,6 @@ def _harvest(scenario: Scenario, questions: BinaryIO, answers: BinaryIO) -> None
             answers.write(framed(Fault(str(fault))))
             return
         answers.write(answer)
-
-
-def _limit(resource_kind: int, most: int, beyond: int = 0) -> None:
-    """Limit what this process may use of something. `beyond`: until the system ends it."""
-    # The system may allow less already.
-    _, allowed = resource.getrlimit(resource_kind)
-    if allowed != resource.RLIM_INFINITY:
-        most = min(most, allowed - beyond)
-    resource.setrlimit(resource_kind, (most, most + beyond))
-
-
-def _drop_rights() -> None:
-    """Give up what would let this process look into others, and end with its parent: on Linux."""
-    if sys.platform != "linux":
-        return
-    library = ctypes.CDLL(None)
-    library.prctl(_DIE_WITH_PARENT, _SIGKILL, 0, 0, 0)
-    head = (ctypes.c_uint32 * 2)(_CAPABILITIES_VERSION, 0)
-    library.capset(head, (ctypes.c_uint32 * _CAPABILITY_WORDS)())
 
 
 if __name__ == "__main__":

@@ -2,7 +2,9 @@
 
 import os
 import re
+import selectors
 import sys
+import time
 from dataclasses import replace
 
 import pytest
@@ -20,6 +22,7 @@ from orchard.study.benchmark.asked import (
     PolicyRefused,
     TooSlow,
 )
+from orchard.study.benchmark.confined import can_hide
 from orchard.study.benchmark.instances import instances
 from orchard.study.benchmark.play import Played, play
 from orchard.study.benchmark.scores import Harvests, ShorterThanProven
@@ -63,6 +66,12 @@ def test_a_class_that_asks_for_what_is_drawn_is_refused(cheat, said):
     """What a dump shows is what nobody has drawn; the names of public orchards are public."""
     with pytest.raises(PolicyRefused, match=rf"cannot be used: {said}.*cheating_policies\.py, l"):
         played(cheat)
+
+
+def test_a_version_that_cannot_be_read_is_refused():
+    wanted = r"cannot be used: its `version` cannot be read: Found: no version"
+    with pytest.raises(PolicyRefused, match=wanted):
+        played("Unversioned")
 
 
 @pytest.mark.parametrize(
@@ -113,6 +122,54 @@ def test_a_policy_opens_neither_memory_nor_environment_above():
     found = re.search(r"Found: (\[.*?\])", str(caught.value))[1]
     benchmark = f"'{_name_of(os.getpid())}', 'mem', False"
     assert benchmark not in found
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such rights")
+def test_a_program_that_a_policy_starts_has_no_rights():
+    """Root's programs begin with all rights, those to look into others too, unless they are given
+    up for good.
+    """
+    with pytest.raises(PolicyFault, match=r"Found: .*Permission denied: '/proc/\d+/mem'"):
+        played("MemoryReaderAnew")
+
+
+@pytest.mark.skipif(not can_hide(), reason="this system cannot hide files")
+def test_a_policy_cannot_read_the_secret(tmp_path, monkeypatch):
+    """The command line of the benchmark names its file, so every policy knows where it is."""
+    secret = tmp_path / "secret.txt"
+    secret.write_text("of the organiser")
+    (tmp_path / "beside.txt").write_text("of anybody")
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    limits = replace(PATIENT, hidden=(str(secret),))
+    with pytest.raises(PolicyRefused, match=r"Found: \['of anybody', 'refused'\]"):
+        played("SecretReader", limits=limits)
+
+
+@pytest.mark.skipif(not can_hide(), reason="this system cannot keep signals in")
+def test_a_policy_cannot_stop_the_benchmark():
+    """It would think for longer, while the clock of the decision is not looked at."""
+    wanted = r"Stopper, tick \d+: PermissionError: .*Operation not permitted"
+    with pytest.raises(PolicyFault, match=wanted):
+        played("Stopper")
+
+
+def test_an_answer_that_was_read_late_is_too_slow(monkeypatch):
+    """The benchmark itself may have been stopped while it waited for the answer."""
+    late = []
+    monotonic = time.monotonic
+    monkeypatch.setattr(time, "monotonic", lambda: monotonic() + 1000.0 * len(late))
+
+    class StoppedSelector(selectors.DefaultSelector):
+        def select(self, timeout=None):
+            late.append(1)
+            return super().select(PATIENT.decision_seconds)
+
+    with PolicyProcess("cheating_policies.Honest", PATIENT) as process:
+        process.begin(DRAWN)
+        monkeypatch.setattr(selectors, "DefaultSelector", StoppedSelector)
+        monkeypatch.setattr(process, "_has_written", lambda: False)
+        with pytest.raises(TooSlow, match=r"tick 1: it took more than 120 s for a decision"):
+            process.orders(1, [], [])
 
 
 def _name_of(pid: int) -> str:

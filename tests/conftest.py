@@ -132,7 +132,6 @@ def other():
 
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory) -> Path:
-    """The roles of the small scenario, which hold on this machine and on another."""
     return make_roles(tmp_path_factory.mktemp("secure") / "roles", "192.168.1.10")
 
 

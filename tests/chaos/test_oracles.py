@@ -172,7 +172,7 @@ def figures_at(tick: int, stopped_at: int) -> dict:
 def test_figures_of_a_forgotten_stop_are_of_its_ticks_and_soon(tick, arrives_at, are_known):
     """Physics goes back to a snapshot before the stop, and so forgets it.
 
-    Figures with the stop are right only for ticks simulated then, and only if they arrive soon.
+    Figures with the stop are right only for ticks simulated before that, and if they come soon.
     """
     now = [0.0]
     course = Course(SCENE, lambda: now[0])
@@ -191,7 +191,7 @@ def test_figures_of_a_forgotten_stop_are_of_its_ticks_and_soon(tick, arrives_at,
 
 
 def test_refusals_forgotten_since_a_written_snapshot_are_found():
-    """Physics simulates a tick again with fewer refusals, and dies before its snapshot is written."""
+    """Physics does a tick again with fewer refusals, and dies before the snapshot is written."""
     observer = Observer(SCENE, Census(), lambda: 0.0)
 
     def goes_on_at(tick: int, refused: int) -> SimpleNamespace:

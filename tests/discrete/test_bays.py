@@ -62,6 +62,7 @@ CASES: dict[str, dict[str, Any]] = {
 
 
 def busy(**values: Any) -> Layout:
+    """Return a scenario with more than one place at the bay, and carriers that need them."""
     return lay_out(Scenario.model_validate(BUSY | values))
 
 
@@ -85,6 +86,7 @@ def delivered(run: Local) -> list[int]:
 
 
 def told(harvest: EventHarvest) -> list[int]:
+    """Return what a harvest of the event model tells of its deliveries."""
     return [round(TICKS_PER_SECOND * seconds) for seconds in harvest.run().deliveries]
 
 
@@ -99,7 +101,7 @@ def unloading(world: World) -> int:
 
 @pytest.mark.parametrize("name", CASES)
 def test_both_models_deliver_in_the_same_ticks(name: str) -> None:
-    """So they do, or nearly; and no harvest is better than limit and proof."""
+    """The ticks are equal, or nearly so, and no harvest beats its limit or its proof."""
     layout = busy(**CASES[name])
     run = Local(layout.scenario, is_hashed=False)
     ticks = delivered(run)
@@ -124,7 +126,7 @@ def test_as_many_bins_are_unloaded_at_a_time(bays: int) -> None:
 
 
 def test_a_carrier_stays_until_its_bin_is_empty() -> None:
-    """The one ahead leaves before: then it does not move up, and what it began counts."""
+    """The carrier ahead leaves first. This one does not move up, and the time so far counts."""
     run = Local(busy().scenario, is_hashed=False)
     world = run.engine.world
     needed = run.engine.layout.machines["carrier"].unloading_ticks
@@ -237,7 +239,7 @@ def test_a_run_keeps_its_places() -> None:
 
 
 def test_a_route_that_knows_one_place_is_refused() -> None:
-    """Else the further places had no effect."""
+    """With such a route the further places would have no effect."""
     layout = busy(route="own_routes.OnePlace")
     with pytest.raises(ScenarioError, match="bays has no effect"):
         check_plugins(layout)

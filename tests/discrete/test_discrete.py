@@ -182,7 +182,7 @@ def test_no_cell_is_far_from_the_simulator() -> None:
     ["10/5/5:one-way:predictive", "10/10/10:one-way:predictive", "10/5/5:two-way:predictive"],
 )
 def test_with_people_the_mean_is_that_of_the_simulator(cell: str) -> None:
-    """With people and animals the mean over seeds is that of the simulator."""
+    """The mean is taken over seeds, because single harvests differ."""
     assert abs(error([both(scenario_of(cell, seed)) for seed in range(1, 9)])) <= 0.02
 
 
@@ -192,7 +192,7 @@ def seconds_with(workers: int, seed: int) -> float:
 
 
 def test_more_people_lengthen_a_harvest_and_nobody_is_free() -> None:
-    """The more people there are the longer a harvest takes and nobody costs nothing."""
+    """Without people no time is lost to them."""
     seeds = range(1, 5)
     means = [fmean(seconds_with(workers, seed) for seed in seeds) for workers in (0, 5, 50)]
     assert means == sorted(means)
@@ -213,9 +213,7 @@ def test_the_long_run_is_slower_with_people() -> None:
 
 
 def test_in_the_long_run_pickers_with_fewer_rows_keep_up() -> None:
-    """Else they are done while the others go on, and the long run has fewer pickers than the
-    orchard.
-    """
+    """If they were done while others go on, the long run would have too few pickers."""
     layout = lay_out(orchard(rows=5, pickers=4, carriers=8, **ONE_WAY))
     assert sorted(len(block.rows) for block in layout.blocks.values()) == [1, 1, 1, 2]
     assert {
@@ -232,8 +230,9 @@ def test_the_long_run_of_slow_pickers_is_no_jam() -> None:
 
 
 def test_waits_and_shares_are_of_the_same_time_as_the_rate() -> None:
-    """By Little's law: pickers that wait, and carriers that are out, on average are the rate times
-    the mean time of each.
+    """Little's law: the mean number of waiting pickers is the rate times their mean wait.
+
+    The same holds for carriers that are out.
     """
     layout = lay_out(orchard(rows=4, pickers=2, carriers=1))
     found = long_run(layout)
@@ -247,7 +246,7 @@ def test_waits_and_shares_are_of_the_same_time_as_the_rate() -> None:
 
 
 def _own_drive(layout: Layout) -> float:
-    """The time from a full bin to where its picker stands for an empty one, by its plan, s."""
+    """Return how long a picker drives from a full bin to where it waits for an empty one, s."""
     route = route_of(layout)
     block = next(iter(layout.blocks.values()))
     first, second = layout.passes(block)[:2]
@@ -270,7 +269,7 @@ def test_a_pickers_own_drive_to_the_rows_end_is_no_wait() -> None:
 
 
 def _trip_seconds(layout: Layout) -> float:
-    """The mean time of one trip outside the queue, s, if a carrier makes one after the other."""
+    """Return the mean time of a trip of a carrier outside the queue, s."""
     harvest = DiscreteHarvest(layout, 16).run()
     return harvest.carrier_utilisation() * harvest.seconds / harvest.delivered
 

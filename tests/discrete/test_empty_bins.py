@@ -51,7 +51,7 @@ class Harvest(NamedTuple):
 
 
 def harvested(layout: Layout) -> Harvest:
-    """Return the harvest of a layout. There are never less empty bins than none."""
+    """Harvest a layout in the simulator, where there are never fewer than no empty bins."""
     run = Local(layout.scenario, is_hashed=False)
     figures = HarvestFigures()
     ticks = []
@@ -110,7 +110,7 @@ def test_soak_both_models_agree_about_thirty_stocks() -> None:
 
 @pytest.mark.parametrize("load_out", [TRUCK, TRAILERS])
 def test_the_event_model_goes_on_with_a_stock_in_use(load_out: dict[str, Any]) -> None:
-    """Also while a carrier waits in the bay, and while its bin is unloaded."""
+    """It goes on, too, while a carrier waits in the bay and while a bin is unloaded."""
     run = Local(with_load_out(load_out).scenario, is_hashed=False)
     lengths = []
     while not run.ended:
@@ -127,9 +127,9 @@ def test_the_event_model_goes_on_with_a_stock_in_use(load_out: dict[str, Any]) -
 
 
 def test_the_bay_waits_for_the_truck_while_bins_are_out() -> None:
-    """Two empty bins are given for the first two full ones. The truck brings two at 300 s, 600 s.
+    """Two empty bins are given for the first two full ones.
 
-    The last bins wait at the bay when the harvest ends.
+    The truck brings two at 300 s and 600 s. The last bins wait at the bay when the harvest ends.
     """
     run, ticks, waited = harvested(with_load_out(TRUCK))
     first, *others = [tick / 10.0 for tick in ticks]
@@ -141,7 +141,7 @@ def test_the_bay_waits_for_the_truck_while_bins_are_out() -> None:
 
 
 def test_a_stock_for_the_whole_harvest_changes_nothing() -> None:
-    """Then a truck makes no difference, and the bay does not wait."""
+    """With so many empty bins a truck makes no difference, and the bay never waits."""
     usual = harvested(lay_out(Scenario.model_validate(SMALL)))
     truck = {"every": 600.0, "bins": 3}
     supplied = harvested(with_load_out({"truck": truck, "empty_bins": 6}))
@@ -151,7 +151,7 @@ def test_a_stock_for_the_whole_harvest_changes_nothing() -> None:
 
 
 def test_a_truck_takes_no_more_than_its_bins() -> None:
-    """Four full bins wait when it comes for two."""
+    """Four full bins wait when the truck comes for two."""
     layout = with_load_out({"truck": {"every": 400.0, "bins": 2}, "empty_bins": 4})
     run = Local(layout.scenario)
     world = run.engine.world
@@ -165,7 +165,7 @@ def test_a_truck_takes_no_more_than_its_bins() -> None:
 
 
 def test_a_bay_that_waits_long_for_its_truck_is_no_jam() -> None:
-    """Nothing happens for longer than makes a jam."""
+    """For longer than makes a jam, nothing happens."""
     layout = with_load_out({"truck": {"every": 800.0, "bins": 1}, "empty_bins": 1}, rows=3)
     run, ticks, _ = harvested(layout)
     assert [tick // 8000 for tick in ticks] == [0, 1, 2]
@@ -173,9 +173,7 @@ def test_a_bay_that_waits_long_for_its_truck_is_no_jam() -> None:
 
 
 def test_a_carrier_that_gets_flat_in_the_bay_is_unloaded() -> None:
-    """The truck comes for its bin in both models. After that nothing comes, and the run is told to
-    stand still.
-    """
+    """The truck takes its bin in both models. Then nothing more comes, and the run ends as jammed."""
     battery = {"hours": 0.2, "hours_to_charge": 0.1, "reserve": 0.3, "standing": 0.5}
     layout = with_load_out(
         {"truck": {"every": 3000.0, "bins": 1}, "empty_bins": 1},
@@ -200,7 +198,7 @@ def test_a_carrier_that_gets_flat_in_the_bay_is_unloaded() -> None:
 
 
 def test_fewer_empty_bins_let_fewer_trailers_be_away() -> None:
-    """With three bins only one of two trailers of two can be full."""
+    """With three empty bins only one of two trailers, of two bins each, can be full."""
     enough = harvested(with_load_out(TRAILERS | {"empty_bins": 40})).ticks
     few = harvested(with_load_out(TRAILERS)).ticks
     assert few[-1] > enough[-1] + 300
@@ -224,7 +222,7 @@ def test_truck_and_empty_bins_limit_the_rate() -> None:
 
 
 def test_a_run_goes_on_equally_while_bins_wait() -> None:
-    """A fork can take a truck that comes sooner, and no other number of empty bins."""
+    """A fork may have a truck that comes sooner, but no other number of empty bins."""
     run = Local(with_load_out(TRUCK).scenario)
     while run.engine.world.waiting_bins < 2:
         run.tick()
@@ -272,7 +270,7 @@ def test_bins_that_do_not_come_back_are_refused(text: str, words: str) -> None:
 
 @pytest.mark.parametrize("load_out", [TRUCK, TRAILERS])
 def test_frames_tell_of_the_load_out(load_out: dict[str, Any]) -> None:
-    """They come over the wire as they were sent, and only with what changed."""
+    """They come over the wire as they were sent, each with what has changed."""
     run = Local(with_load_out(load_out).scenario, is_hashed=False)
     world = run.engine.world
     builder = FrameBuilder(run.engine)

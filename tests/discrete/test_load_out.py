@@ -35,12 +35,12 @@ AWAY = {"seconds_away": 100.0}
 
 
 def small(**values: Any) -> Layout:
-    """Return a small orchard with this policy."""
+    """Return a layout of a small orchard, with these values in its scenario."""
     return lay_out(Scenario.model_validate(SMALL | values))
 
 
 def harvested(layout: Layout) -> Local:
-    """Return a harvest that is done in the simulator. No robot collides, and none jams."""
+    """Harvest in the simulator. No robot collides, and none jams."""
     run = Local(layout.scenario)
     while not run.ended:
         run.tick()
@@ -51,10 +51,12 @@ def harvested(layout: Layout) -> Local:
 
 
 def simulated(layout: Layout) -> float:
+    """Return how long a harvest takes in the simulator, s."""
     return harvested(layout).engine.world.seconds
 
 
 def modelled(layout: Layout) -> float:
+    """Return how long a harvest takes in the event model, s."""
     return DiscreteHarvest(layout).run().seconds
 
 
@@ -68,6 +70,7 @@ def run_until_away(layout: Layout) -> Local:
 
 
 def doings(run: Local) -> list[str]:
+    """Return what the carriers of a run do now."""
     return [run.actions[name].doing for name in run.actions if kind_of(name) == "carrier"]
 
 
@@ -97,7 +100,10 @@ def load_outs(seed: int, count: int) -> Iterator[Layout]:
 
 
 def errors(seed: int, count: int) -> list[float]:
-    """Return by which share the event model differs, of so many drawn harvests; a bound holds."""
+    """Return by which share the event model differs in each of some drawn harvests.
+
+    Each share must be within its bound.
+    """
     shares = []
     for layout in load_outs(seed, count):
         run = harvested(layout)
@@ -139,8 +145,10 @@ def test_both_models_agree_about_batteries_and_a_load_out(chargers: int) -> None
 
 
 def test_a_harvest_ends_when_the_last_carrier_is_back() -> None:
-    """With a carrier for each bin nobody waits for one: the harvest is as much longer as the last
-    carrier is away. One that moves up its line meanwhile stands there when it is back.
+    """There is a carrier for each bin, so no bin waits for one.
+
+    The harvest is longer by the time that the last carrier is away. If that carrier has moved up
+    its line meanwhile, it is there when it is back.
     """
     usual = small(rows=3, pickers=3, carriers=3)
     away = small(rows=3, pickers=3, carriers=3, load_out=AWAY)
@@ -164,7 +172,7 @@ def test_a_carrier_that_is_away_takes_no_call() -> None:
 
 
 def test_a_carrier_that_is_away_is_busy_and_no_jam() -> None:
-    """All robots wait for the one carrier, for longer than makes a jam."""
+    """All robots wait for the only carrier, for longer than makes a jam."""
     layout = small(rows=3, carriers=1, load_out={"seconds_away": 700.0})
     run = harvested(layout)
     run.engine.account()
@@ -175,7 +183,7 @@ def test_a_carrier_that_is_away_is_busy_and_no_jam() -> None:
 
 
 def test_a_way_to_the_load_out_uses_the_battery() -> None:
-    """60 s of driving there and back, and 100 s of standing at a fifth of the power."""
+    """The carrier drives for 60 s there and back, and stands for 100 s at a fifth of the power."""
     values = {"carriers": 1, "carrying": {"battery": {"hours": 2.0}}}
     near = harvested(small(**values)).engine.world
     far = harvested(
@@ -199,7 +207,7 @@ def test_limit_and_losses_know_the_load_out() -> None:
 
 
 def test_time_at_the_load_out_is_charged_as_standing() -> None:
-    """With a battery that loses nothing while the carrier stands, more time there costs nothing."""
+    """A battery that loses nothing while its carrier stands loses nothing there, however long."""
     battery = {"hours": 2.0, "hours_to_charge": 1.0, "standing": 0.0}
     charging = []
     for seconds in (60.0, 160.0):
@@ -243,7 +251,7 @@ def with_trailers(count: int, bins: int, **values: Any) -> Layout:
 
 
 def test_a_carrier_waits_while_no_trailer_stands_at_the_bay() -> None:
-    """One trailer of one bin is away after each of the four bins: three carriers wait for it."""
+    """There is one trailer for one bin, so after each bin it is away: three carriers wait for it."""
     layout = with_trailers(1, 1)
     times = unloadings(layout)
     assert len(times) == 4
@@ -262,7 +270,7 @@ def unloadings(layout: Layout) -> list[float]:
 
 
 def test_a_larger_trailer_or_a_second_one_brings_more() -> None:
-    """A trailer drives when it is full, or with the last bin: then the harvest ends sooner."""
+    """A trailer leaves when it is full, or with the last bin, so the harvest ends sooner."""
     one = simulated(with_trailers(1, 1))
     two = simulated(with_trailers(2, 1))
     larger = simulated(with_trailers(1, 3))
@@ -370,7 +378,7 @@ def test_a_carrier_that_is_back_on_its_way_up_its_line_is_free(route: str) -> No
 
 
 def test_a_carrier_that_gets_flat_before_its_haul_is_a_jam() -> None:
-    """It stands between bay and queue for ever: its haul makes no progress."""
+    """The carrier stands between bay and queue for ever, and its haul never begins."""
     layout = small(
         carriers=1,
         row_length=60.0,

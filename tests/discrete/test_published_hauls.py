@@ -27,7 +27,7 @@ SEEDS = 2
 
 
 def told() -> list[list[str]]:
-    """Return the cells of each line of the table, without its head and the line below that."""
+    """Return the cells of each line of the table below its head."""
     _, _, below = HOW_TO.read_text().partition(f"{HEAD}\n")
     table, _, _ = below.partition("\n\n")
     lines = table.splitlines()[1:]
@@ -50,7 +50,7 @@ def harvest_of(line: list[str]) -> dict[str, Any]:
 
 
 def rate(values: dict[str, Any]) -> float:
-    """Return the bins an hour of the middle of harvests, the mean of some seeds."""
+    """Return the bins an hour in the middle of harvests, as the mean over some seeds."""
     rates = []
     for seed in range(1, SEEDS + 1):
         scenario = Scenario.model_validate(values | {"seed": seed})
@@ -64,13 +64,13 @@ def rate(values: dict[str, Any]) -> float:
 
 
 def test_the_table_of_hauls_has_two_shipped_scenarios() -> None:
-    """So the table is found, and the tests below have lines."""
+    """If the table was not found, the tests below would have no lines to test."""
     assert {line[0] for line in told()} == {"`tractor_trailers`", "`forklift`"}
 
 
 @pytest.mark.parametrize("line", told(), ids=" ".join)
 def test_hauls_have_the_limits_that_are_told(line: list[str]) -> None:
-    """No harvest brings more in the long run."""
+    """No harvest brings more in the long run than the limit in the table."""
     bounds = Bounds(lay_out(Scenario.model_validate(harvest_of(line))))
     limit = bounds.bins_per_hour
     assert f"{limit:.1f}" == line[-2]

@@ -30,7 +30,7 @@ SMALL: dict[str, Any] = NOBODY | {
 
 
 def small(**machines: Any) -> Layout:
-    """Return a small orchard with this policy."""
+    """Return a layout of a small orchard, with these machines."""
     return lay_out(Scenario.model_validate(SMALL | machines))
 
 
@@ -47,12 +47,12 @@ def simulated(layout: Layout) -> float:
 
 
 def modelled(layout: Layout) -> float:
-    """Return how long it takes in the event model, s."""
+    """Return how long a harvest takes in the event model, s."""
     return DiscreteHarvest(layout).run().seconds
 
 
 def errors(seed: int, count: int) -> list[float]:
-    """Return by which share the event model is longer or shorter, of so many drawn harvests."""
+    """Return by which share the event model is longer or shorter in each of some drawn harvests."""
     shares = []
     for layout in drawn_machines(seed, count):
         seconds = simulated(layout)
@@ -72,8 +72,10 @@ def test_soak_both_models_agree_about_a_hundred_machines() -> None:
 
 
 def test_no_carrier_asks_before_the_one_in_front_of_it() -> None:
-    """In a line carriers stand 4.1 m apart. One that asks from further away could get a place
-    before the one in front, which needs it first.
+    """Carriers stand 4.1 m apart in a line.
+
+    A carrier that asks from further away could get a place before the one in front of it, which
+    needs that place first.
     """
     drive = DriveTo(x=0.0)
     fastest = small(carrying={"speed": 2.5}).machines["carrier"]
@@ -110,7 +112,7 @@ def test_a_carrier_faster_than_its_bin_can_follow_is_refused() -> None:
 
 
 def test_a_run_goes_on_with_other_carriers() -> None:
-    """What was asked for under way holds from there on: plans have no speeds in them."""
+    """Plans have no speeds in them, so other speeds hold from the next drive on."""
     run = Local(small().scenario, is_hashed=False)
     while run.engine.tick < 300:
         run.tick()
@@ -152,7 +154,7 @@ def test_a_picker_picks_as_fast_as_it_drives_at_most() -> None:
     ],
 )
 def test_time_for_a_bin_and_for_a_turn_is_taken(machines: dict[str, Any], seconds: float) -> None:
-    """Two slow pickers pick two rows each. The second one ends later by one exchange at least."""
+    """Each of two slow pickers picks two rows. The second one ends at least an exchange later."""
     usual = small(picking_speed=0.1)
     longer = small(picking_speed=0.1, **machines)
     assert simulated(longer) > simulated(usual) + 0.9 * seconds

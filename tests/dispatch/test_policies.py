@@ -389,7 +389,7 @@ def test_the_mistake_of_a_policy_is_named_once_and_counted(name, caplog):
 
 
 def test_a_mistake_may_end_the_harvest_in_lockstep_at_its_tick(fleet):
-    """A mistake ends the harvest if the scenario says so in lockstep at the same tick."""
+    """The scenario can say that a refused order ends the run."""
     scenario = small_orchard("own_policies.Raising", rows=3, dispatch_errors="end")
     stage = Stage(scenario, is_hashed=True)
     stage.run_until(lambda: stage.account.fault == "refused", 200)

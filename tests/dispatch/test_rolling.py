@@ -64,7 +64,7 @@ def test_the_first_of_several_lines_leaves_first():
 
 
 def test_it_decides_as_predictive_where_it_cannot_look_ahead():
-    """With many pickers, in the long run, and on roads that it does not know."""
+    """It cannot with many pickers, in the long run, and on roads that it does not know."""
     many = orchard(rows=30, pickers=21, carriers=4)
     most = orchard(rows=30, pickers=20, carriers=4)
     unknown = orchard(
@@ -105,7 +105,7 @@ def test_a_bin_whose_carrier_does_not_come_gets_another():
 
 
 def test_the_bin_after_a_trip_is_expected_once_it_is_picked():
-    """A carrier is sent for the first bin. The next one is full after its row has been picked."""
+    """A carrier is sent for the first bin. The next bin is full after its row has been picked."""
     layout = orchard(rows=4, pickers=2, carriers=2, picking_speed=0.1)
     policy = Rolling(layout)
     memory = policy.Memory()

@@ -24,7 +24,7 @@ OF_TWO_CARRIERS = 0.02
 
 
 def drawn_orchard(random: Random) -> Layout:
-    """Draw an orchard with at least as many pickers as carriers, and nobody about."""
+    """Draw an orchard with at least as many pickers as carriers, and no people."""
     rows = random.randint(4, 12)
     pickers = random.randint(2, min(rows, 8))
     scenario = empty_orchard(
@@ -55,7 +55,7 @@ def rolled_out_seconds(layout: Layout) -> float:
 
 @pytest.fixture(scope="module")
 def differences() -> list[tuple[int, float]]:
-    """The carriers of each harvest, and by which share the roll-out takes longer."""
+    """Return the carriers of each harvest, and by which share the roll-out takes longer."""
     found = []
     for number in range(HARVESTS):
         layout = drawn_orchard(Random(number))
@@ -77,9 +77,9 @@ def test_with_two_carriers_each_harvest_takes_as_long(differences) -> None:
 
 
 def test_the_bay_takes_as_long_where_all_wait_for_it() -> None:
-    """Many carriers and short rows: the bay decides how long it takes.
+    """With many carriers and short rows the bay decides how long a harvest takes.
 
-    Measured: the roll-out takes 2.2 % longer. With 4 s less for each bin in the bay it is 1.5 %
+    Measured: the roll-out takes 2.2 % longer. With 4 s less in the bay for each bin it is 1.5 %
     shorter.
     """
     layout = lay_out(

@@ -15,7 +15,7 @@ HARVESTS = 150
 
 
 def at_the_bay(chances: Random) -> dict[str, Any]:
-    """Return what takes bins from the bay, often too slowly for the harvest."""
+    """Return values of a bay that often takes bins too slowly for the harvest."""
     bins = chances.randint(1, 4)
     if chances.random() < 0.5:
         truck = {"every": float(chances.randint(100, 600)), "bins": bins}
@@ -50,8 +50,9 @@ def seconds(values: dict[str, Any], dispatch: str) -> float:
 
 @pytest.mark.soak
 def test_soak_rolling_is_no_worse_where_carriers_wait() -> None:
-    """It foresees no waits for trailers and the truck. On average that costs nothing against
-    `predictive`, which foresees none either.
+    """`rolling` foresees no waits for trailers and the truck.
+
+    On average that costs nothing against `predictive`, which foresees none either.
     """
     more = []
     for values in harvests(HARVESTS):

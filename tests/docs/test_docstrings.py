@@ -16,7 +16,7 @@ MODULES = [
 
 @pytest.mark.parametrize("module", MODULES)
 def test_the_examples_of_a_module_do_what_they_say(module):
-    """They run one after another, each with the names of its module."""
+    """The examples run one after another, each with the names of its module."""
     failed, tried = doctest.testmod(importlib.import_module(module))
     assert tried > 0
     assert failed == 0

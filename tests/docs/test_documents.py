@@ -82,8 +82,9 @@ def test_the_examples_in_extending_md_are_the_files():
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_commands_in_the_documents_run(command, tmp_path):
-    """`make` and `python` only say what they would do: they would take long. The others run for
-    real, in this environment.
+    """Commands of `make` and `python` only say what they would do, because they would take long.
+
+    The others run in this environment.
     """
     program, *words = shlex.split(command, comments=True)
     if program == "orchard":
@@ -118,7 +119,7 @@ def test_the_reference_of_the_library_has_all_names():
 
 
 def test_the_reference_of_the_library_reads_in_a_clone():
-    """Each name has words of its own, and no directive that only a program can read."""
+    """Each name has words of its own, and there are no directives that only a program reads."""
     text = (ROOT / "docs" / "api.md").read_text()
     sections = [section.splitlines()[1:] for section in text.split("\n### ")[1:]]
     assert "eval-rst" not in text
@@ -140,7 +141,7 @@ def test_the_library_reference_says_arguments_and_errors():
 
 
 def test_the_summarys_document_has_all_its_keys(tmp_path):
-    """Those of a local run, and six that only a recording or realtime adds."""
+    """The keys are those of a local run, and six that only a recording or realtime adds."""
     request = RunRequest(
         HarvestOptions(mode="local", duration=0.5), Scenario(rows=3), None, tmp_path
     )

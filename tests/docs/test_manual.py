@@ -61,7 +61,7 @@ class Course:
             self.southmost[name] = min(self.southmost[name], y)
 
     def first(self, what: str, who: str) -> int:
-        """The tick of a body's first event of a kind."""
+        """Return the tick of a body's first event of a kind."""
         return next(event.tick for event in self.events if (event.what, event.who) == (what, who))
 
 
@@ -144,7 +144,7 @@ def test_every_second_picker_starts_at_the_other_end():
 
 
 def test_counts_have_the_limits_that_the_page_names():
-    """Rows pickers and carriers have the limits that the page names."""
+    """The counts are those of rows, pickers and carriers."""
     assert lay_out(Scenario(rows=100, pickers=60, carriers=1)).scenario.rows == 100
     for wrong in ({"rows": 101}, {"rows": 2}, {"rows": 5, "pickers": 6}, {"carriers": 121}):
         with pytest.raises(ScenarioError):

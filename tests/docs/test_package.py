@@ -45,9 +45,9 @@ def test_each_extra_of_a_user_is_in_the_table_of_extras():
 
 
 def test_imports_of_the_documents_come_with_a_dependency():
-    """What the programs of the documents import comes with a dependency or an extra.
+    """A program of a document imports only what a dependency or an extra brings.
 
-    Those of docs/ros2.md have the packages of ROS 2 besides, from its installation.
+    Programs of docs/ros2.md have the packages of ROS 2 besides, from its installation.
     """
     lines = [line for name in OF_USERS for line in PROJECT["optional-dependencies"][name]]
     brought = {Requirement(line).name for line in [*PROJECT["dependencies"], *lines]}
@@ -214,7 +214,7 @@ def test_nothing_known_is_told_from_not_checked(of_the_vulnerable, of_ours, code
     ids=lambda value: "" if isinstance(value, dict) else value[:20],
 )
 def test_harvests_on_arm_that_cannot_be_run_are_told(programs, why, tmp_path):
-    """On a machine that has only these programs, and what each has."""
+    """The machine has only these programs, which do this."""
     for name in ("bash", "dirname", "mktemp", "mkdir", "rm", "tail", "touch"):
         (tmp_path / name).symlink_to(shutil.which(name))
     for name, does in programs.items():

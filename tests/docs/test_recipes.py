@@ -40,7 +40,7 @@ def paths_in(text: str) -> list[str]:
 
 
 def steps_of(recipe: str) -> tuple[list[str], str]:
-    """Return the steps of a recipe without the last one, and that, which names its tests."""
+    """Return the steps of a recipe: all but the last, and the last, which names its tests."""
     *steps, tests = re.split(r"\n\d\. ", RECIPES[recipe])[1:]
     return steps, tests
 
@@ -52,7 +52,7 @@ def test_what_a_recipe_names_is_there(recipe):
 
 @pytest.mark.parametrize("recipe", RECIPES)
 def test_a_recipe_names_what_must_be_edited(recipe):
-    """A step names each file that is edited, or its folder, and each step edits something."""
+    """A step names each file that is edited, or its folder. Each step edits something."""
     steps, tests = steps_of(recipe)
     edited = {edit.file for edit in EDITS[recipe]}
     named = [*paths_in(" ".join(steps)), *paths_in(tests)]
@@ -70,10 +70,9 @@ def is_in(file: str, path: str) -> bool:
 
 
 def test_each_recipe_leads_to_its_end(tmp_path):
-    """With all of them carried out in one copy, the tests that they name pass: the quick ones.
+    """All recipes are carried out in one copy, and the quick ones of the tests they name pass.
 
-    Of a folder these are the tests that the recipe edits. A copy for each recipe would cost
-    minutes.
+    Of a folder those tests run that the recipe edits. A copy for each recipe would cost minutes.
     """
     for part in PARTS:
         shutil.copytree(ROOT / part, tmp_path / part, ignore=LEFT_OUT)
@@ -100,7 +99,7 @@ def files_to_run(recipe: str) -> list[str]:
 
 
 def run_there(folder: Path, *words: str) -> None:
-    """Run Python in a copy of the clone. Raises AssertionError with all output if it fails."""
+    """Run Python in a copy of the clone. Raise AssertionError with all output if it fails."""
     done = subprocess.run(
         [sys.executable, *words], cwd=folder, capture_output=True, text=True, timeout=3 * PATIENCE
     )

@@ -25,7 +25,7 @@ FIGURE = {figure.quantity: figure for figure in FIGURES}
     ],
 )
 def test_a_share_agrees_within_5_points(low, high, here, expected):
-    """A share agrees inside the published range, and up to 5 points beyond its nearer end."""
+    """A share may be inside the published range, or up to 5 points beyond its nearer end."""
     assert agrees(here, replace(SHARE, low=low, high=high)) is expected
 
 
@@ -40,7 +40,7 @@ def test_a_share_agrees_within_5_points(low, high, here, expected):
     ],
 )
 def test_a_rate_agrees_within_a_tenth(low, high, here, expected):
-    """Another figure agrees up to 10 % beyond the nearer end of the published range."""
+    """Any other figure may be up to 10 % beyond the nearer end of the published range."""
     assert agrees(here, replace(RATE, low=low, high=high)) is expected
 
 
@@ -50,9 +50,7 @@ def test_each_figure_has_a_source_and_a_reason():
 
 
 def test_what_could_hardly_fail_does_not_count():
-    """The page counts each line of its table but those that are fitted, could hardly fail, or are
-    advice.
-    """
+    """The page counts no line of its table that is fitted, could hardly fail, or is advice."""
     text = document()
     lines = [line for line in text.splitlines() if line.startswith("| ") and " | |" not in line]
     figures = lines[1:]  # without the heading
@@ -66,8 +64,9 @@ def test_what_could_hardly_fail_does_not_count():
 
 
 def test_bins_stand_beside_a_count_of_tractors():
-    """A count of tractors says little, so the bins stand there that they bring, and the bins that
-    people could pick.
+    """A count of tractors says little.
+
+    So the page has the bins that they bring, and the bins that people could pick.
     """
     rates = {}
     for carriers, trailers in ((1, 5.0), (2, 8.0), (3, 9.0), (4, 9.1)):
@@ -79,14 +78,14 @@ def test_bins_stand_beside_a_count_of_tractors():
 
 
 def test_a_third_tractor_brings_little():
-    """So hardly another number of tractors could come out, as the page says."""
+    """The page says so: hardly another number of tractors could come out."""
     gain = gain_of_a_third(json.loads(MEASURED.read_text())["harvests"])
     assert gain < 100.0 * ENOUGH
     assert f"{gain:.1f} % more here" in " ".join(document().split())
 
 
 def test_forklifts_and_trailers_have_one_published_range():
-    """Their source has one for both, and the page writes it into both lines."""
+    """The source has one range for both, so the page writes it into both lines."""
     ranges = set()
     for quantity in ("t/h, forklift, 4 boxes", "t/h, trailer, 12 boxes"):
         ranges.add((FIGURE[quantity].low, FIGURE[quantity].high))

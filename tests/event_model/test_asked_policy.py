@@ -40,7 +40,7 @@ def harvest_of(crew: dict) -> CountedHarvest:
 
 @pytest.mark.parametrize("crew", CREWS)
 def test_a_policy_is_asked_when_it_can_send_a_carrier(crew) -> None:
-    """There is one order for each bin; a question may send none, as for a bin that calls again."""
+    """There is one order for each bin. A question may send none, as for a bin that calls again."""
     harvest = harvest_of(crew)
     harvest.run()
     assert harvest.is_over

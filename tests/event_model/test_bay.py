@@ -26,5 +26,5 @@ def test_a_bin_waits_for_those_further_on_in_the_bay() -> None:
 
 
 def test_a_bin_waits_for_one_behind_that_is_begun() -> None:
-    """A person may have stopped its carrier at the second place, while the first one was free."""
+    """A person may have stopped a carrier at the second place while the first place was free."""
     assert before_the_last(in_bay(-24.1, True), in_bay(-20.0, False)) == 1

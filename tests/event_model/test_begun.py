@@ -39,7 +39,7 @@ def memories_of_pickers(run: Local) -> list[Any]:
 
 
 def deliveries_from(run: Local, ticks: list[int]) -> tuple[list[int], dict[int, EventHarvest]]:
-    """Run to the end. Return the ticks of its deliveries, and the harvests begun at some ticks."""
+    """Run to the end. Return the ticks of deliveries, and the harvests begun at some ticks."""
     delivered: list[int] = []
     begun = {}
     while not run.ended:
@@ -53,7 +53,7 @@ def deliveries_from(run: Local, ticks: list[int]) -> tuple[list[int], dict[int, 
 
 
 def farthest_apart(delivered: list[int], begun: EventHarvest) -> int:
-    """Return by how many ticks a delivery of the harvest differs from that of the run, at most."""
+    """Return the most by which a delivery of the harvest is off that of the run, ticks."""
     told = [round(TICKS_PER_SECOND * seconds) for seconds in begun.deliveries]
     expected = delivered[begun.delivered_before :]
     assert len(told) == len(expected)
@@ -74,8 +74,9 @@ def quiet_starts(seed: int, count: int) -> Iterator[tuple[Layout, list[int]]]:
 
 
 def starts_of(seed: int, count: int) -> tuple[int, int]:
-    """Return how many harvests were begun in random runs, and in how many all deliveries are near
-    the run's.
+    """Begin harvests in random runs.
+
+    Return how many were begun, and how many deliver in nearly the same ticks as the run.
     """
     starts = near = 0
     for layout, ticks in quiet_starts(seed, count):
@@ -86,7 +87,7 @@ def starts_of(seed: int, count: int) -> tuple[int, int]:
 
 
 def test_deliveries_from_a_moment_on_are_those_of_the_run() -> None:
-    """Each is within 20 ticks, but where a decision differs: that is in a few of 100 starts."""
+    """Each is within 20 ticks, except where a decision differs: in a few of 100 starts."""
     starts, near = starts_of(seed=11, count=4)
     assert starts >= 18
     assert near >= 0.9 * starts
@@ -103,7 +104,7 @@ def test_soak_nearly_all_starts_have_the_deliveries_of_the_run() -> None:
 @pytest.mark.parametrize("dispatch", ["nearest", "longest-waiting", "predictive", "rolling"])
 @pytest.mark.parametrize("route", ["one-way", "two-way"])
 def test_no_moment_of_a_harvest_is_lost(dispatch: str, route: str) -> None:
-    """Moments of each kind of step: a harvest goes on from each of them, and ends as the run."""
+    """From moments of each kind of step a harvest goes on, and ends as the run does."""
     layout = lay_out_small(dispatch=dispatch, route=route, rows=3, pickers=2, carriers=2)
     ticks = [*range(1, 3000, 17)]
     delivered, begun = deliveries_from(Local(layout.scenario, is_hashed=False), ticks)
@@ -125,7 +126,10 @@ def test_a_bin_that_has_paused_reports_in_its_new_rhythm() -> None:
 @pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
 @pytest.mark.parametrize("route", ["one-way", "two-way"])
 def test_each_tick_of_a_handover_is_a_moment(dispatch: str, route: str) -> None:
-    """From before a carrier leaves its bin to when the picker drives on: letters are under way."""
+    """The ticks reach from before a carrier leaves its bin to when the picker drives on.
+
+    Messages are under way in them.
+    """
     layout = lay_out_small(dispatch=dispatch, route=route, rows=3, pickers=2, carriers=2)
     run = Local(layout.scenario, is_hashed=False)
     while not any(memory.offered for memory in memories_of_pickers(run)):
@@ -140,7 +144,7 @@ def test_each_tick_of_a_handover_is_a_moment(dispatch: str, route: str) -> None:
 
 @pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
 def test_each_tick_of_the_first_orders_is_a_moment(dispatch: str) -> None:
-    """From the first call until all carriers are on their way, and the first bin is left."""
+    """The ticks reach from the first call until all carriers drive and the first bin is left."""
     layout = lay_out_small(dispatch=dispatch, route="two-way", rows=3, pickers=2, carriers=2)
     ticks = [*range(3, 360)]
     delivered, begun = deliveries_from(Local(layout.scenario, is_hashed=False), ticks)
@@ -195,7 +199,7 @@ CHARGING: dict[str, Any] = {
 
 
 def test_carriers_that_charge_go_on_where_the_run_does() -> None:
-    """From moments at which carriers drive to the chargers, wait for one, charge, and are full."""
+    """At these moments carriers drive to the chargers, wait for one, charge, and are full."""
     layout = lay_out_small(**CHARGING)
     run = Local(layout.scenario, is_hashed=False)
     delivered, begun = deliveries_from(run, [*range(5, 6000, 53)])
@@ -225,7 +229,7 @@ def test_a_robot_that_has_often_failed_has_draws_left() -> None:
 
 
 def test_people_who_are_met_as_with_another_seed_stay_so() -> None:
-    """Also those that are drawn later, when all that were drawn have been met."""
+    """That holds, too, for people drawn later, when all that were drawn have been met."""
     layout = lay_out_small(people={"workers": 2, "visitors": 2})
     ends = set()
     for seed in range(5):
@@ -247,7 +251,7 @@ def test_a_robot_that_says_nothing_of_its_memory_is_told() -> None:
 
 
 def test_other_machines_go_on_where_the_run_does() -> None:
-    """From moments at which a robot couples, uncouples, stands with its empty bin, or turns."""
+    """At these moments a robot couples, uncouples, stands with its empty bin, or turns."""
     layout = lay_out_small(
         rows=4,
         pickers=2,
@@ -265,8 +269,9 @@ def test_other_machines_go_on_where_the_run_does() -> None:
 
 
 def test_who_follows_a_carrier_that_turns_off_drives_on() -> None:
-    """The carrier ahead turns into its line of the queue, and then along that: a moment in the
-    second turn.
+    """The carrier ahead turns into its line of the queue, and then along the line.
+
+    The harvest begins in the second turn.
     """
     queueing = {"rows": 6, "pickers": 6, "carriers": 8, "route": "one-way", "dispatch": "nearest"}
     run = Local(lay_out_small(**queueing).scenario, is_hashed=False)
@@ -292,7 +297,7 @@ def faces(run: Local, name: str, heading: str) -> bool:
 
 
 def begin_of_turn(harvest: EventHarvest, name: str, tick: int) -> int:
-    """Return when a robot begins its next turn after a tick. Carry the harvest on to that."""
+    """Carry a harvest on to the next turn of a robot after a tick. Return when the turn begins."""
     robot = harvest.model.robots[harvest.names.index(name)]
     while harvest.model.ops[robot.op].kind != c.TURN and tick < LONGEST:
         harvest.advance(tick + 1)

@@ -133,7 +133,7 @@ def test_carriers_that_charge_go_on_when_the_simulators_do() -> None:
 
 @pytest.mark.soak
 def test_soak_forty_orchards_deliver_when_the_simulators_do() -> None:
-    """In one of 40 that were drawn a call is 20 ticks later, and bins come 210 ticks apart."""
+    """In one of the 40 drawn orchards a call is 20 ticks later, and bins come 210 ticks apart."""
     apart = []
     shares = []
     for layout in quick_orchards(57, 40):
@@ -155,7 +155,7 @@ def test_soak_bins_are_delivered_when_the_simulator_does(name: str) -> None:
 
 
 def test_a_carrier_that_turns_gets_out_of_the_way() -> None:
-    """At first its bin is behind it, then beside it, and after a half turn before it."""
+    """Its bin is behind it first, then beside it, and after a half turn before it."""
     reaches = reaches_back()
     assert reaches[0] == pytest.approx(1.9 + 0.5)
     assert reaches[40] == pytest.approx(1.5 / 2, abs=0.02)
@@ -172,5 +172,5 @@ def test_carriers_that_turn_slowly_or_fast_clear_their_line(degrees: float) -> N
 def test_fast_carriers_that_turn_fast_deliver_in_the_same_ticks(
     speed: float, degrees: float
 ) -> None:
-    """The bin of such a one is far off its place when it begins to turn, and does not hold it."""
+    """The bin of such a carrier is far off its place when the turn begins, and does not hold it."""
     assert_is_near(FAST | {"carrying": {"speed": speed, "turning": degrees}})

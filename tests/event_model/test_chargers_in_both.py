@@ -41,7 +41,7 @@ CARRIER_STEP = 0.1
 
 @dataclass(frozen=True)
 class Visit:
-    """A carrier that charges: it comes with a charge, stands at a place of its line, moves up."""
+    """A carrier that charges: it comes with a charge, stands in a line, and moves up."""
 
     charge: float
     came: int
@@ -216,7 +216,7 @@ def assert_chargers_are_given_alike(seed: int, count: int) -> None:
 
 
 def test_chargers_go_to_the_same_carriers_in_the_same_ticks() -> None:
-    """Batteries are used alike before that, so each is full in the same tick too."""
+    """Batteries are used alike before that, so each is full in the same tick, too."""
     assert_chargers_are_given_alike(seed=3, count=CASES)
 
 

@@ -23,7 +23,7 @@ def orchard(**values: Any) -> Layout:
 
 @pytest.mark.parametrize("dispatch", sorted(COMPILED.keys() - {NEAREST}))
 def test_a_compiled_policy_decides_as_its_class_does(dispatch: str) -> None:
-    """Python is asked for a class that a scenario names by its module."""
+    """A class that a scenario names by its module is asked in Python."""
     policy = POLICIES[dispatch]
     named = f"{policy.__module__}.{policy.__name__}"
     for layout in quiet_layouts(seed=7, count=5):

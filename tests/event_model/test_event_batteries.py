@@ -18,7 +18,7 @@ def test_a_flat_carrier_stands_for_ever() -> None:
 
 
 def test_an_exchange_uses_a_battery_for_the_time_that_it_takes() -> None:
-    """It uses no more than a drive of that time, and no less than standing for it."""
+    """It uses no more than a drive of that time, and no less than standing for that time."""
     values = NOBODY | {"rows": 8, "pickers": 2, "carriers": 2, "dispatch": "predictive"}
     battery = {"hours": 0.5, "hours_to_charge": 0.1, "reserve": 0.7, "standing": 0.2}
     layout = lay_out(Scenario(**values, carrying={"battery": battery}))

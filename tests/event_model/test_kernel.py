@@ -22,7 +22,7 @@ SMALL = NOBODY | {"rows": 5, "pickers": 3, "carriers": 3, "row_length": 30.0}
 
 
 def small(dispatch: str) -> Layout:
-    """Return a small orchard with this policy."""
+    """Return a layout of a small orchard with this policy."""
     return lay_out(Scenario(**SMALL, dispatch=dispatch, route="two-way"))
 
 
@@ -48,7 +48,7 @@ def test_a_second_seed_uses_the_jobs_that_were_translated() -> None:
 
 
 def test_a_harvest_sees_jobs_that_another_has_translated() -> None:
-    """Both share a program, which grows beyond what the second one began with."""
+    """Both share a program, which grows after the second harvest has begun."""
     values = NOBODY | {"rows": 10, "pickers": 5, "carriers": 5, "dispatch": "predictive"}
     layouts = [lay_out(Scenario(**values, row_length=31.0, seed=seed)) for seed in (1, 2)]
     alone = EventHarvest(lay_out(Scenario(**values, row_length=31.0, seed=2))).run()
@@ -129,7 +129,7 @@ def test_each_compiled_constant_counts_for_the_kept_code() -> None:
 
 
 def test_each_constant_of_a_batch_counts_for_its_kept_code() -> None:
-    """Also those of the functions that a batch takes from elsewhere."""
+    """A batch takes some functions from elsewhere, and their constants count, too."""
     counted = {module.__name__: module for module in batch_compiled.CONSTANTS_OF}
     sources = [*Path(str(batch_compiled.__file__)).parent.glob("*.py")]
     sources.remove(Path(str(batch_compiled.__file__)))
@@ -155,7 +155,7 @@ def test_a_carrier_behind_one_that_is_called_stands_too() -> None:
 
 
 def test_a_battery_that_lasts_for_ever_is_not_none() -> None:
-    """Their scenarios read the same as text; the plans of carriers are others."""
+    """Both scenarios read the same as text, but the plans of carriers differ."""
     layout = small("nearest")
     endless = with_endless_batteries(
         lay_out(Scenario(**SMALL, dispatch="nearest", carrying={"battery": {"hours": 8.0}}))

@@ -52,7 +52,7 @@ def test_the_plain_machine_does_the_same_where_much_happens(dispatch: str) -> No
 
 
 def test_the_plain_machine_sees_jobs_that_are_translated_later() -> None:
-    """Nothing of the program is translated when it begins, but what waits for no order."""
+    """At the start only those parts of the program are translated that wait for no order."""
     start._prepared.cache_clear()
     layout = eventful("nearest")
     plain = EventHarvest(layout, free_roads=True, carry_on=PlainMachine()).run()

@@ -64,7 +64,7 @@ def test_a_step_that_the_model_does_not_know_is_named(monkeypatch: pytest.Monkey
 
 @pytest.mark.parametrize("seed", [2, 4])
 def test_a_harvest_is_the_same_after_one_with_another_seed(seed: int) -> None:
-    """Seeds share a program, and rows are picked at other speeds with each."""
+    """Seeds share a program, though each picks rows at other speeds."""
     values = NOBODY | {
         **{"rows": 8, "pickers": 4, "carriers": 3, "picking_speed": 0.5},
         **{"dispatch": "predictive", "route": "one-way", "rows_to_pickers": "balanced"},

@@ -20,7 +20,7 @@ QUIET = {
 
 @pytest.fixture
 def compiled(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """Forget that this process has the machine, and note what is compiled."""
+    """Forget that the machine is compiled in this process. Return what is compiled from now on."""
     signatures: list[Any] = []
     entry.get_ready.cache_clear()
     monkeypatch.setattr(entry._run, "compile", signatures.append)

@@ -71,7 +71,10 @@ class BothModels:
 
     @property
     def apart(self) -> float:
-        """The most ticks between two deliveries of a number; of all bins, if not as many came."""
+        """Return the most ticks between two deliveries of a number.
+
+        If one model delivers fewer bins, all ticks count.
+        """
         told = [round(TICKS_PER_SECOND * seconds) for seconds in self.model.deliveries]
         if len(told) != len(self.delivered):
             return float(self.ticks)
@@ -79,7 +82,7 @@ class BothModels:
 
     @property
     def share_apart(self) -> float:
-        """By which share of the length the two differ."""
+        """Return by which share of the length the two differ."""
         return abs(TICKS_PER_SECOND * self.model.seconds - self.ticks) / self.ticks
 
     @property

@@ -53,7 +53,7 @@ def test_a_robot_of_four_arms_takes_as_long_as_its_fruit() -> None:
 
 
 def test_a_platform_for_apples_needs_a_minute_for_each_bin() -> None:
-    """It fills a bin in nine minutes, and its minute at the exchange comes on top."""
+    """The platform fills a bin in nine minutes, and the exchange takes one minute more."""
     platforms = load(CONFIG / "apple_platform.yaml")
     assert platforms.rows * platforms.row_length * platforms.row_pitch == pytest.approx(
         10_000, rel=0.01
@@ -65,7 +65,7 @@ def test_a_platform_for_apples_needs_a_minute_for_each_bin() -> None:
 
 
 def test_carts_bring_the_fruit_of_the_same_people() -> None:
-    """People pick as many kilograms an hour, on the same hectare."""
+    """People pick as many kilograms an hour on the same hectare."""
     people = load(CONFIG / "hand_picking.yaml")
     carts = load(CONFIG / "cart_robots.yaml")
     assert carts.crop.tonnes_per_hectare == people.crop.tonnes_per_hectare
@@ -76,7 +76,7 @@ def test_carts_bring_the_fruit_of_the_same_people() -> None:
 
 
 def test_robots_for_apples_fill_the_bins_of_their_fruit() -> None:
-    """2,500 apples of 0.19 kg an hour, in bins of 386 kg; 45 % of 59.5 bins an acre."""
+    """They pick 2,500 apples of 0.19 kg an hour, into bins of 386 kg; 45 % of 59.5 bins an acre."""
     robots = load(CONFIG / "apple_robots.yaml")
     assert robots.chosen["picking_rate"] == pytest.approx(2500 * 0.19 / 386, rel=0.01)
     hectare = 59.5 * 0.386 / 0.404686
@@ -84,7 +84,7 @@ def test_robots_for_apples_fill_the_bins_of_their_fruit() -> None:
 
 
 def test_a_forklift_brings_the_tonnes_that_were_published() -> None:
-    """Its limit of the long run is the lower published one; so is that of the straddle trailer."""
+    """Its limit of the long run is the lower published one, as that of the straddle trailer is."""
     published = {figure.quantity: figure.low for figure in FIGURES}
     few = published["t/h, forklift, 4 boxes"]
     many = published["t/h, straddle trailer, 8 boxes"]
@@ -97,7 +97,7 @@ def test_a_forklift_brings_the_tonnes_that_were_published() -> None:
 
 
 def test_trailers_of_the_gangs_keep_up_with_them() -> None:
-    """Six bins in ten minutes are filled, and each trailer is away while the other is filled."""
+    """In ten minutes six bins are filled. One trailer is away while the other is filled."""
     gangs = load(CONFIG / "tractor_trailers.yaml")
     assert gangs.pickers * gangs.chosen["picking_rate"] == pytest.approx(36.0)
     terms = Bounds(lay_out(gangs)).terms
@@ -106,7 +106,7 @@ def test_trailers_of_the_gangs_keep_up_with_them() -> None:
 
 @pytest.mark.parametrize("name", ["apple_robots", "forklift", "tractor_trailers"])
 def test_a_shipped_scenario_is_harvested(name: str) -> None:
-    """The event model does all of it; the page offers each as it does the others."""
+    """The event model harvests it whole, and the page offers it as it does the others."""
     assert name in shipped()
     layout = lay_out(load(CONFIG / f"{name}.yaml"))
     harvest = DiscreteHarvest(layout).run()

@@ -219,7 +219,6 @@ WHOLE_LINES = [
 
 @pytest.mark.parametrize(("text", "wanted"), WHOLE_LINES)
 def test_what_contradicts_itself_is_told_in_one_line(text: str, wanted: str) -> None:
-    """What contradicts itself or is too much together is told in one line."""
     assert refusal(text) == wanted
 
 
@@ -382,7 +381,7 @@ def test_aliases_are_refused_so_nothing_can_grow() -> None:
 def test_deep_nesting_is_refused_after_a_few_levels(
     text: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What comes after the deepest level that is allowed is not read: it could cost minutes."""
+    """What comes after the deepest allowed level is not read, because that could cost minutes."""
     events = []
     get_event = yaml.SafeLoader.get_event
 
@@ -433,7 +432,7 @@ BUILT_DIRECTLY = [
 def test_a_section_that_is_built_directly_tells_its_mistakes(
     section: type[Section], values: dict[str, Any], message: list[str]
 ) -> None:
-    """It raises the error of `load`, `check` and `with_changes`, with the same words."""
+    """Its error and words are those of `load`, `check` and `with_changes`."""
     with pytest.raises(ScenarioError) as raised:
         section(**values)
     problems = raised.value.problems
@@ -443,8 +442,9 @@ def test_a_section_that_is_built_directly_tells_its_mistakes(
 
 
 def test_thousands_of_unknown_keys_cost_no_search_each(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Only those that are named in the text are compared with known keys; the others are counted,
-    and no problem is lost.
+    """Only those that the text names are compared with known keys.
+
+    The others are counted, and no problem is lost.
     """
     compared: list[str] = []
     search = difflib.get_close_matches

@@ -12,7 +12,7 @@ SCHEMA = Scenario.model_json_schema()
 
 
 def keys(schema: dict[str, Any], before: str = "") -> Iterator[list[str]]:
-    """Yield for each value that is no section its path, and those of the sections around it."""
+    """Yield the path of each value that is no section, and the paths of the sections around it."""
     for name, field in schema["properties"].items():
         path = f"{before}{name}"
         inner = field.get("$ref") or next((one.get("$ref") for one in field.get("allOf", [])), None)

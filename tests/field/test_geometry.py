@@ -53,7 +53,7 @@ def edge_points(x, y, yaw, half_length, half_width) -> np.ndarray:
 
 
 def depth(points: np.ndarray, box: tuple) -> np.ndarray:
-    """How far outside of a box points are along its worse axis; negative inside."""
+    """Return how far outside of a box points are along its worse axis, m; negative inside."""
     x, y, yaw, half_length, half_width = box
     c, s = math.cos(yaw), math.sin(yaw)
     dx, dy = points[:, 0] - x, points[:, 1] - y
@@ -199,7 +199,7 @@ def test_wrapping_keeps_the_direction(angle):
 
 
 def test_the_bits_that_every_machine_must_give():
-    """Known to the last bit, so that a compiler or a processor that gives others is found out."""
+    """A compiler or a processor that gives other bits is found out."""
     assert [part.hex() for part in repeatable.sin_cos(0.7)] == [
         "0x1.49d6e694619b8p-1",
         "0x1.87996529f9d93p-1",
@@ -208,7 +208,7 @@ def test_the_bits_that_every_machine_must_give():
 
 
 def test_what_a_kernel_is_made_from_is_all_told_to_the_cache():
-    """A kernel with stale constants would move robots by yesterday's rules."""
+    """A kernel with old constants would move robots by old rules."""
     sources = {
         path.relative_to(ROOT).with_suffix("").as_posix().replace("/", ".")
         for path in cache._SOURCES

@@ -68,8 +68,9 @@ def of(layout: Layout, *kinds: str) -> list[Start]:
 
 
 def strictly_in(points: np.ndarray, *areas: Sequence[float]) -> bool:
-    """Whether a box's middle or a corner is in one of the areas; good enough for bodies that are
-    smaller than these are.
+    """Whether the middle or a corner of a box is in one of the areas.
+
+    That is enough for bodies, which are smaller than the areas.
     """
     x, y = np.vstack([points, points.mean(axis=0)]).T
     west, south, east, north = np.array(areas).T[..., None]

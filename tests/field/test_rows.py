@@ -39,7 +39,6 @@ def test_each_picker_has_neighbouring_rows_from_north_to_south(
 @pytest.mark.parametrize("rule", ["balanced", "balanced-ends"])
 @given(size=sizes)
 def test_balanced_pickers_differ_by_one_row_at_most(rule: str, size: tuple[int, int]) -> None:
-    """No picker has two rows more than another if they are balanced."""
     counts = [len(block.rows) for block in blocks_of(rule, *size)]
     assert max(counts) - min(counts) <= 1
 
@@ -90,8 +89,9 @@ def times(distribution: str, cv: float, speed: float) -> list[float]:
 
 
 def share_below(distribution: str, time: float, cv: float, least: float) -> float:
-    """Return the probability that a row takes less than `time`, by the distribution's closed form;
-    `least`: the time to drive along it.
+    """Return the probability that a row takes less than `time`.
+
+    It is the closed form of the distribution. `least`: the time to drive along the row.
     """
     share = (time - least) / (1.0 - least)
     cv = cv / (1.0 - least)
@@ -270,7 +270,7 @@ def test_a_short_queue_is_refused_with_numbers_that_would_do() -> None:
 
 
 def test_a_bay_further_east_leaves_room_for_fewer() -> None:
-    """A bay further east leaves room for fewer and the error says where it may lie."""
+    """The error says where the bay may lie."""
     with pytest.raises(
         ScenarioError, match=r"10 need rows of at least \d+ m or the bay at most at \d+ m"
     ):

@@ -44,7 +44,7 @@ def test_surveyed_rows_lie_as_surveyed_without_overlaps(drawn: list[Row]):
 
 
 def test_where_rows_are_missing_each_side_has_trees_of_its_own():
-    """Two rows of six metres are missing: no line of trees stands in the middle of the gap."""
+    """Two rows of six metres are missing, and no line of trees stands in the middle of the gap."""
     rows = [Row(0.0, 0.0, 60.0), Row(6.0, 3.0, 57.0), Row(24.0, 10.0, 50.0), Row(30.0, 12.0, 48.0)]
     layout = lay_out(orchard_of(rows))
     first = layout.lane(1).y
@@ -62,7 +62,7 @@ def test_a_missing_close_row_leaves_two_lines_of_trees():
 
 @pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])
 def test_a_slanted_block_with_missing_rows_is_harvested(route: str):
-    """Ends slanted by 45 degrees: the roads are straight, and robots drive on to them."""
+    """The ends are slanted by 45 degrees, and the roads are straight, so robots drive on to them."""
     souths = [0.0, 4.0, 8.0, 24.0, 28.0]
     rows = [Row(south, south, 30.0) for south in souths]
     stage = Stage(orchard_of(rows, pickers=2, carriers=2, route=route, dispatch="predictive"))
@@ -147,7 +147,7 @@ def changed(number: int, **values: float | str) -> dict:
 
 
 def far_apart() -> dict:
-    """Rows of which no two are neighbours."""
+    """Return rows of which no two are neighbours."""
     listed = orchard_of(UNEQUAL).model_dump()["survey"]["rows"]
     return {"survey": {"rows": [row | {"south": 20.0 * i} for i, row in enumerate(listed)]}}
 

@@ -15,7 +15,7 @@ def future(ended="harvested", **figures):
 def searched(decided, first, count=2):
     """Search where all futures from a tick after `decided` on jam.
 
-    `first`: moments that were kept.
+    `first`: the moments that were kept.
     """
     asked = []
 

@@ -49,7 +49,7 @@ def test_of_robots_that_were_stopped_there_is_no_forecast():
 
 
 class OnPaper:
-    """Futures of which nothing is lived: up to a tick each ends well, and as is expected."""
+    """Futures that are not simulated. Up to a tick each ends well, as the forecast says."""
 
     def __init__(self, decided, expected):
         self.decided = decided
@@ -68,7 +68,10 @@ class OnPaper:
 
 
 def searched(monkeypatch, futures):
-    """Search by the event model, and then by the simulator. Return the latter."""
+    """Search where all futures from a tick after `decided` on jam.
+
+    `first`: the moments that were kept.
+    """
     monkeypatch.setattr("orchard.futures.bisection.get_ready", list)
     monkeypatch.setattr("orchard.futures.bisection.check", lambda scenario: scenario)
 

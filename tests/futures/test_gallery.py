@@ -40,7 +40,7 @@ def test_each_failure_is_cured(name):
 
 @pytest.mark.parametrize("name", FAILURES)
 def test_each_failure_was_decided_at_the_moment_of_the_page(name, request):
-    """Each failure was decided at the moment that the page says jams and says how."""
+    """The page says the moment, and how the run jams."""
     decided = re.search(r"# decided: (\S+) with ([a-z_]+)=(.+)", block(PAGE, name))
     section = (ROOT / PAGE).read_text().split(f"```yaml {name}\n")[1].split("\n### ")[0]
     shown = re.findall(r"^    (\w+ \(.*)$", section, re.M)

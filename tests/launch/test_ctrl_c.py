@@ -49,8 +49,9 @@ raise SystemExit(f"{MODULE} was never imported")
 
 
 def interrupted_at(module: str, *command: str) -> tuple[int, str]:
-    """Start a program, and press Ctrl-C when it is about to import a module; its exit code, and
-    what it said.
+    """Start a program, and press Ctrl-C when it is about to import a module.
+
+    Return its exit code and output.
     """
     line = [sys.executable, "-c", INTERRUPTED, module, *command]
     done = subprocess.run(

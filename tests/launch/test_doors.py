@@ -31,7 +31,7 @@ finally:
 
 
 def test_a_run_in_local_mode_loads_nothing_that_it_does_not_need(tmp_path):
-    """It keeps its snapshots where it is told to."""
+    """The run keeps its snapshots in the folder that it is told."""
     done = python("-c", LOADS, cwd=tmp_path, ORCHARD_RUNS=str(tmp_path / "runs"))
     loaded = set(done.stdout.splitlines()[-1].split())
     assert "numba" in loaded
@@ -51,7 +51,7 @@ def test_a_run_in_local_mode_loads_nothing_that_it_does_not_need(tmp_path):
 
 
 def test_runs_are_kept_in_the_clone_or_with_the_data_of_the_user(tmp_path, monkeypatch):
-    """An installed package keeps them with the data of the user, unless that one names a folder."""
+    """An installed package keeps them with the user's data, unless the user names a folder."""
     monkeypatch.delenv("ORCHARD_RUNS", raising=False)
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     assert runs_folder() == ROOT / "runs"
@@ -66,10 +66,10 @@ PARTS = ("orchard", "processes", "config", "bridges", "run.py", "pyproject.toml"
 
 
 def unzipped(folder):
-    """Unpack a zip of the clone by Python, which knows no links: they become text, as in git
-    without `core.symlinks`.
+    """Unpack a zip of the clone by Python, which makes text of links.
 
-    It has the compiled kernels of this clone, which would take two minutes.
+    Git does the same without `core.symlinks`. The copy has the compiled kernels of this clone,
+    which would take two minutes.
     """
     packed = folder.with_suffix(".zip")
     with zipfile.ZipFile(packed, "w") as archive:

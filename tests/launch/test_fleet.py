@@ -61,7 +61,7 @@ class Child:
         self.returncode = self.code = code
 
     def let_go(self):
-        """Of its line: it need not heed that."""
+        """Close its lifeline, which this child does not heed."""
 
 
 @pytest.fixture
@@ -109,10 +109,7 @@ def test_who_dies_is_started_again_with_options_of_a_restart(fleet, clock):
 
 
 def test_output_that_is_no_text_is_passed_on_and_blocks_nobody(tmp_path, monkeypatch):
-    """What a child says that is no text is passed on and does not block it.
-
-    It would block for ever once the pipe is full, that is after 64 kB.
-    """
+    """Else a child would block for ever once its pipe is full, after 64 kB."""
     (tmp_path / "shouting.py").write_text(
         "import sys\nsys.stderr.buffer.write(b'\\xff\\n' + 20_000 * b'loud\\n' + b'shouting:"
         " over\\n')"
@@ -128,7 +125,7 @@ def test_output_that_is_no_text_is_passed_on_and_blocks_nobody(tmp_path, monkeyp
 
 
 def test_what_a_child_has_started_ends_with_it(tmp_path, monkeypatch):
-    """It is ended when the child has died, and at the end of the fleet."""
+    """A grandchild is ended when the child has died, and at the end of the fleet."""
     program = (
         "import os, subprocess, sys\nchild = subprocess.Popen(['sleep', '600'])\nprint(child.pid,"
         " file=sys.stderr, flush=True)\n"
@@ -149,7 +146,7 @@ def test_what_a_child_has_started_ends_with_it(tmp_path, monkeypatch):
 
 
 def launched_by(fleet, folder):
-    """A run without processes, at an address where no router answers."""
+    """Return a run without processes, at an address where no router answers."""
     request = RunRequest(HarvestOptions(), Scenario(), None, folder)
     return LaunchedRun(
         request,
@@ -168,7 +165,7 @@ NEVER_BEGAN = "the run cannot begin without picker_01"
     [("stopped", {"broken_agents": [], "ticks": 5}), (NEVER_BEGAN, None)],
 )
 def test_a_result_that_physics_writes_late(fleet, tmp_path, monkeypatch, why, summary):
-    """Physics may need longer after Ctrl-C than the run is followed: its result counts.
+    """After Ctrl-C physics may write its result when the run is followed no more: it counts.
 
     A run that cannot begin keeps its reason, whatever physics writes when it is stopped.
     """
@@ -192,7 +189,7 @@ def test_a_result_that_physics_writes_late(fleet, tmp_path, monkeypatch, why, su
     [(0, "its result is lost"), (BAD_ORDER, "could not start"), (-9, "ended with code -9")],
 )
 def test_why_physics_is_gone_is_told_in_words(fleet, tmp_path, code, words):
-    """A killed one only while it is asked to end: else it is started again."""
+    """Physics that is killed counts as gone only while it is asked to end: else it starts again."""
     launched = launched_by(fleet, tmp_path)
     fleet.start(ProcessSpec(PHYSICS, "orchard.processes.physics", [], again=True, may_refuse=False))
     fleet.children[-1].end(code)
@@ -221,7 +218,7 @@ def test_whose_run_is_over_or_who_need_not_live_is_left_alone(fleet):
 
 
 def test_who_has_written_its_result_is_not_started_again(fleet, tmp_path):
-    """A process that has written its result is not started again, whatever ends it."""
+    """Whatever ends such a process, the run is over."""
     result = tmp_path / "result"
     fleet.start(ProcessSpec(PHYSICS, "orchard.processes.physics", [], again=True, result=result))
     fleet.children[-1].die()
@@ -232,7 +229,7 @@ def test_who_has_written_its_result_is_not_started_again(fleet, tmp_path):
 
 @pytest.mark.parametrize("code", [0, 75, 100])
 def test_an_end_that_nobody_has_announced_is_a_death(fleet, code):
-    """As by an agent's os._exit(0)."""
+    """An agent can end its process with code 0 by os._exit."""
     fleet.children[0].die(code)
     fleet.watch()
     assert len(fleet.children) == 2
@@ -243,7 +240,7 @@ def test_an_end_that_nobody_has_announced_is_a_death(fleet, code):
 
 
 def waits(fleet, clock, code=-9):
-    """For how long the fleet waits before it starts the last one again, which dies at once."""
+    """Let the last process die again. Return how long the fleet waits before it starts it, s."""
     fleet.children[-1].die(code)
     begun = clock.now
     count = len(fleet.children)
@@ -271,7 +268,7 @@ def test_what_is_refused_may_pass_and_is_tried_for_half_a_minute(fleet, clock):
 
 
 def test_who_fails_its_first_order_is_not_started_again(fleet, clock):
-    """A process whose first order is bad is not started again; later it is."""
+    """Its command is wrong, so it would fail each time. A process that has worked is started again."""
     fleet.start(
         ProcessSpec("physics", "orchard.processes.physics", [], again=True, may_refuse=False)
     )
@@ -294,7 +291,7 @@ def test_deaths_that_are_far_apart_are_not_in_a_row(fleet, clock):
 
 @pytest.mark.skipif(not hasattr(os, "SCHED_BATCH"), reason="only Linux knows of it")
 def test_processes_take_turns():
-    """A process that wakes up does not interrupt another."""
+    """A process that wakes up does not interrupt another one."""
     child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
     take_turns(child.pid)
     assert os.sched_getscheduler(child.pid) == os.SCHED_BATCH

@@ -110,7 +110,7 @@ def test_a_fork_leaves_agents_behind_that_were_given_to_play():
 
 
 def test_a_carrier_that_is_taken_away_was_free():
-    """A carrier that is taken away was free and the others keep their jobs."""
+    """The carriers that stay keep their jobs."""
     parent = played(TWO_WAY, 300)
 
     def carrier_memories(run: Local) -> list:
@@ -153,7 +153,6 @@ def test_carriers_whose_class_remembers_a_list_can_be_taken():
 
 
 def test_another_seed_changes_only_what_is_drawn_later():
-    """Another seed changes what is drawn from then on and nothing before."""
     varying = with_changes(
         SHORT,
         **{

@@ -57,7 +57,7 @@ def harvest(
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
 def test_a_full_disk_loses_recordings_but_not_the_result(small_disk, tmp_path, mode):
-    """A full disk loses recording and snapshots in a line each but not the result."""
+    """A line says that the recording is lost, and another one that the snapshots are."""
     path = tmp_path / "summary.json"
     slow = "--speed", 10  # enough that snapshots follow after the recording has filled the disk
     done = harvest(small_disk, DURATION, "--mode", mode, "--summary", path, *slow)
@@ -102,7 +102,7 @@ def test_the_summary_is_written_where_nothing_can_be_printed(small_disk, tmp_pat
 
 
 def test_a_pipe_that_is_closed_early_ends_nothing():
-    """As by `| head`: a study still writes its files."""
+    """With `| head` the pipe closes early, and a study must still write its files."""
     program = (
         "import sys; from orchard.terminal.output import console; "
         "console.print('a'); print('goes on', file=sys.stderr); console.end()"
@@ -126,10 +126,7 @@ def test_a_pipe_that_is_closed_early_ends_nothing():
 
 
 def test_unprinted_output_does_not_change_the_exit_code():
-    """What is left to print at the end does not change the exit code.
-
-    Python itself would end with code 120.
-    """
+    """Python by itself would end with code 120 if output at its end cannot be printed."""
     program = "from orchard.terminal.output import console; print('a line'); console.end()"
     buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     with open("/dev/full", "w") as full:

@@ -80,7 +80,7 @@ def ended(folder: Path, *arguments: object) -> tuple[int, str]:
     ],
 )
 def test_processes_end_with_run_py_and_the_run_can_go_on(tmp_path, monkeypatch, number):
-    """When run.py dies its processes end and the run goes on to the same hash."""
+    """The run then goes on to the same hash."""
     path = tmp_path / "summary.json"
     temporary = tmp_path / "temporary"
     temporary.mkdir()
@@ -118,7 +118,7 @@ def test_processes_end_with_run_py_and_the_run_can_go_on(tmp_path, monkeypatch, 
 
 @pytest.mark.soak
 def test_frozen_processes_end_too(tmp_path):
-    """Linux wakes them up, and hangs up on them."""
+    """Linux wakes them up with a hang-up signal when their leader dies."""
     with begun(tmp_path, "--record", "none") as (run, processes):
         for process in processes:
             process.suspend()

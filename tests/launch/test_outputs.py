@@ -167,7 +167,7 @@ def test_a_logger_replaces_no_file_that_is_no_recording(tmp_path):
 
 
 def test_a_named_pipe_is_refused_and_stdout_is_taken(tmp_path):
-    """No file of a run is a named pipe for which it would wait and a summary may go to stdout."""
+    """A run would wait at a named pipe until it is read. Only a summary may go to stdout."""
     os.mkfifo(pipe := tmp_path / "pipe.rrd")
     for option in ("--summary", "--record"):
         done = orchard(*SHORT, option, pipe, code=2)
@@ -196,7 +196,7 @@ READERS = [
 
 @pytest.mark.parametrize("command", READERS)
 def test_the_scenario_that_is_read_is_not_written(command, tmp_path):
-    """Whatever links lead to it."""
+    """It is not written through a link either."""
     file = scenario_file(tmp_path, empty_orchard(rows=3, pickers=2, carriers=1))
     content = file.read_bytes()
     link = tmp_path / "link"
@@ -211,7 +211,7 @@ def test_the_scenario_that_is_read_is_not_written(command, tmp_path):
 
 
 def test_an_error_of_a_full_disk_has_the_path_of_what_is_written(tmp_path):
-    """As of a bag and of certificates. An error that has a path keeps it."""
+    """Bags and certificates are written so. An error that has a path keeps it."""
     with pytest.raises(OSError, match="No space left") as full, named(tmp_path):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     assert in_words(full.value) == f"{tmp_path}: No space left on device"
@@ -240,7 +240,7 @@ def test_a_full_disk_loses_the_summary_but_not_what_is_printed():
     "command", ["bound FILE --work 0.1 --summary /dev/full", "trace FILE --out /dev/full"]
 )
 def test_an_answer_that_fits_on_no_disk_is_told_with_its_path(command, tmp_path):
-    """It is no mistake of the user's, so the exit code is 1, as that of a run and of a study."""
+    """A full disk is no mistake of the user, so the exit code is 1."""
     scenario = empty_orchard(rows=3, pickers=2, carriers=1)
     file = scenario_file(tmp_path, scenario)
     done = orchard(*[file if word == "FILE" else word for word in command.split()], code=1)
@@ -293,7 +293,7 @@ def test_a_page_at_a_port_in_use_is_told_before_the_harvest(offset):
 
 
 def test_the_help_names_the_other_commands_first():
-    """The help names the other commands before the options in their groups."""
+    """The options follow in their groups."""
     shown = orchard("--help").stdout
     places = [
         shown.index(words)

@@ -29,7 +29,7 @@ def test_a_run_without_stdout_says_so_and_goes_on(mode, tmp_path):
 
 
 def test_a_run_without_standard_streams_writes_its_summary(tmp_path):
-    """A run without stdin, stdout and stderr writes its summary."""
+    """The run has neither stdin nor stdout nor stderr."""
     line = f"orchard {SHORT} --mode local --summary summary.json <&- >&- 2>&-"
     assert shell(line, tmp_path) == (1, "")
     assert summary_of(tmp_path / "summary.json")["ticks"] == 10

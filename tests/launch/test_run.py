@@ -61,7 +61,7 @@ def processes_of(run: subprocess.Popen) -> list[psutil.Process]:
 
 
 def run_as_in_local_mode(folder, scenario, seconds, *words):
-    """Run `orchard` with words for some seconds. Return its summary.
+    """Run `orchard` for some seconds. Return its summary.
 
     Its hash must be that of a run of `scenario` in this process.
     """
@@ -148,7 +148,7 @@ def test_progress_is_json_for_programs_in_every_mode():
 
 
 def test_the_hash_does_not_depend_on_processes(tmp_path, few):
-    """Here each agent has a process of its own.
+    """Each agent has a process of its own here.
 
     `make soak` tries more seeds and numbers of processes, also with a recording.
     """

@@ -45,7 +45,6 @@ SHORT = ("--rows", 3, "--duration", 1, "--hosts", 1)
 
 @pytest.fixture
 def folder(tmp_path):
-    """A working folder with files that have the names of modules."""
     for name in NAMES:
         (tmp_path / f"{name}.py").write_text(RUNS)
     (tmp_path / "zenoh").mkdir()
@@ -61,7 +60,6 @@ def run(folder, *arguments: object) -> dict:
 
 
 def test_a_run_of_many_processes_runs_no_shadowing_module(folder):
-    """A run of many processes begins beside them and runs none."""
     assert run(folder, *SHORT, "--record", folder / "run.rrd")["ticks"] == 10
     assert (folder / "run.rrd").stat().st_size > 0
 

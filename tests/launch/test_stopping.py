@@ -104,7 +104,7 @@ def assert_pauses_and_steps() -> None:
 
 
 def test_a_late_answer_of_physics_is_told_and_taken(monkeypatch):
-    """Whom physics lets wait is told so and gets the answer that comes late."""
+    """While physics does not answer, the command says that it waits."""
     monkeypatch.setattr(asking, "QUIET_SECONDS", 0.2)
     told = SimpleQueue()
     robots = ["picker_01"]
@@ -122,7 +122,7 @@ def test_a_late_answer_of_physics_is_told_and_taken(monkeypatch):
 
 
 def test_a_stop_is_asked_once_where_the_run_is_asked_for_first():
-    """What is left of the first question must not be taken for an end of the second."""
+    """What is left of the first question must not be taken for an end of the second one."""
     with router() as physics, ThreadPoolExecutor() as pool:
         for what in ("scenario", "stop"):
             physics.answer(f"orchard/{what}")

@@ -110,7 +110,7 @@ def test_ctrl_c_ends_the_waiting_for_those_who_have_not_ended(deaf, monkeypatch)
 
 
 class Loading:
-    """The supervisor of a physics process that still loads its modules."""
+    """A supervisor whose physics process still loads its modules."""
 
     given_up: ClassVar[dict] = {}
     run = "run1"
@@ -146,7 +146,7 @@ def loading(supervisor, connect=None):
 
 @pytest.mark.parametrize(("signals", "ended"), [(1, "stopped: tick 0"), (2, "stopped")])
 def test_the_summary_of_a_run_stopped_early_is_waited_for(monkeypatch, signals, ended):
-    """The summary of a run that is stopped before its first tick is waited for."""
+    """The run is stopped before its first tick."""
     monkeypatch.setattr(follower, "STOP_SECONDS", 0.0)
     supervisor = Loading()
     following = loading(supervisor)

@@ -61,7 +61,6 @@ def test_a_speed_that_was_not_kept_is_told(speed, before, wall_seconds, words):
 
 
 def printed(options: HarvestOptions, capsys, monkeypatch) -> list[str]:
-    """What is printed of a harvest that went well."""
     monkeypatch.setattr("sys.argv", ["run.py"])
     result = msgspec.to_builtins(harvested()) | {"messages_refused": {}, "collisions": 0}
     assert (
@@ -71,7 +70,7 @@ def printed(options: HarvestOptions, capsys, monkeypatch) -> list[str]:
 
 
 def test_three_lines_and_the_hash_are_shown_unless_verbose(capsys, monkeypatch):
-    """Three lines and the hash are shown and all figures if asked for."""
+    """`--verbose` shows all figures."""
     result, limit, try_next, hash_line = printed(
         HarvestOptions(scenario=Path("my.yaml")), capsys, monkeypatch
     )

@@ -41,7 +41,7 @@ SHORT = ("--mode", "local", "--rows", "3", "--duration", "0.1", *NO_RECORD)
 
 
 def said(arguments, monkeypatch, capfd) -> tuple[int, str]:
-    """The exit code of a command, and all that it says, in one line."""
+    """Run a command. Return its exit code, and all that it prints, in one line."""
     monkeypatch.setattr("sys.argv", ["orchard", *map(str, arguments)])
     with pytest.raises(SystemExit) as ended:
         commands.main()

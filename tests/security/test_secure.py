@@ -75,7 +75,7 @@ def test_an_agent_moves_its_own_robot_and_no_other(farm):
 
 
 def test_an_agent_does_not_move_what_another_holds(farm):
-    """Physics waits for ben's answer; that of amy, in ben's name, is none."""
+    """Physics waits for ben's answer. An answer of amy in ben's name does not count."""
     amy = farm.come("amy")
     ben = farm.come("ben")
     ben.bus.subscribe(KEYS.of("pose", HERS))
@@ -110,7 +110,7 @@ def test_an_agent_is_alive_under_its_own_name_only(farm):
 
 
 def test_nobody_joins_in_anothers_name(farm):
-    """Ben's token stands, and physics knows what its agent remembers: it tells ben alone."""
+    """Physics tells the memory of ben's agent to ben alone, while ben's token is there."""
     amy = farm.come("amy")
     ben = farm.come("ben")
     ben.bus.subscribe(KEYS.of("pose", HERS))
@@ -152,9 +152,9 @@ def test_an_agent_hears_its_own_mail_and_no_other(meeting):
 
 
 def who_answers(asker: Somebody, name: str, others: list[Somebody]) -> list[Somebody]:
-    """All of them that a request to a robot's agent reaches.
+    """Return which of these sessions a request to a robot's agent reaches.
 
-    It is asked again until there is one.
+    The request is made again until it reaches one.
     """
     deadline = time.monotonic() + PATIENCE
     heard = []
@@ -187,7 +187,7 @@ def test_an_agent_sees_its_own_robot_and_no_other(farm):
 
 
 def test_another_session_with_a_roles_certificate_may_nothing(meeting):
-    """The rules name the session as well: no session is alive under another's id."""
+    """The rules name the session, too: no session is alive under the id of another."""
     meeting.bus.subscribe(KEYS.of("velocity"))
     amy = meeting.keyring.of("amy")
     with client(
@@ -199,7 +199,7 @@ def test_another_session_with_a_roles_certificate_may_nothing(meeting):
 
 
 def test_the_logger_moves_nothing_and_stops_nothing(farm):
-    """What it may put is how much it refused: that is counted, and is what comes last here."""
+    """A logger may put how much it refused. That comes last here, and is counted."""
     logger = farm.come("logger")
     operator = farm.come("operator")
     logger.bus.subscribe(KEYS.of("pose", MINE))
@@ -277,9 +277,7 @@ def test_another_authoritys_certificate_is_worth_nothing(meeting, stranger):
 
 
 def test_a_router_believes_no_other_authority_either(meeting, stranger, tmp_path):
-    """A client that trusts the right authority, but has a certificate of another one, is still
-    refused.
-    """
+    """The client trusts the right authority, but its certificate is of another one."""
     own = shutil.copytree(stranger / "amy", tmp_path / "amy")
     shutil.copy(meeting.keyring.folder / "amy" / AUTHORITY, own / AUTHORITY)
     assert_not_let_in(
@@ -290,7 +288,7 @@ def test_a_router_believes_no_other_authority_either(meeting, stranger, tmp_path
 
 
 def test_an_agent_cannot_pose_as_physics(folder, tmp_path):
-    """Its certificate is for calling, not for being called."""
+    """The certificate of an agent is for clients, not for servers."""
     own = shutil.copytree(folder / "amy", tmp_path / "amy")
     shutil.copy(folder / "physics" / "access.json", own)
     with router("tls/127.0.0.1:0", identity=Identity.load(own)) as false:
@@ -325,7 +323,7 @@ def test_a_connection_ends_with_its_certificate(folder, tmp_path):
 
 
 def _connected_while_valid(stack, authority, keyring, endpoint):
-    """Return a session of amy's with a certificate that ends soon."""
+    """Return a session of amy with a certificate that ends soon."""
     for life in LIVES:
         end = datetime.now(UTC) + timedelta(seconds=life)
         authority.vouch(keyring.of("amy").role, keyring.roles["amy"], until=end)

@@ -39,7 +39,7 @@ def test_keys_are_for_the_owners_eyes_only(folder):
 
 
 def secured(*arguments: object):
-    """`orchard secure` in this process: what it printed, and its exit code."""
+    """Run `orchard secure` in this process. Return what it printed, and its exit code."""
     return called("secure", *arguments)
 
 
@@ -259,8 +259,9 @@ def test_a_secured_run_is_local_mode(folder, tmp_path):
 
 @pytest.mark.parametrize("its", ["router", pytest.param("physics", marks=pytest.mark.soak)])
 def test_a_machine_needs_no_more_than_its_roles_directory(its, fleet, folder, tmp_path):
-    """Each process with a copy of its own role's files, and nothing beside them; physics is the
-    router, or there is one of its own.
+    """Each process has only a copy of its own role's files.
+
+    Physics is the router, or there is one of its own.
     """
     copies = {
         path.name: str(shutil.copytree(path, tmp_path / f"machine of {path.name}" / path.name))
@@ -285,7 +286,7 @@ def test_a_machine_needs_no_more_than_its_roles_directory(its, fleet, folder, tm
     ["host", *(pytest.param(one, marks=pytest.mark.soak) for one in ("physics", "router"))],
 )
 def test_who_is_killed_comes_back_as_the_same_role(killed, fleet, folder, tmp_path):
-    """Under the same session, which the others may still have in mind."""
+    """It comes back under the same session, which the others may still know."""
     pace = [
         "--secure",
         str(folder / "physics"),
@@ -323,7 +324,7 @@ def test_who_is_killed_comes_back_as_the_same_role(killed, fleet, folder, tmp_pa
 
 @needs_machines
 def test_a_secured_run_over_two_machines_is_local_mode(fleet, folder, tmp_path):
-    """The guest has its own role's files only, and knows the other machine by its address."""
+    """The guest has only its own role's files, and knows the other machine by its address."""
     own = str(shutil.copytree(folder / "shed", tmp_path / "shed"))
     with machines("s") as (host, guest):
         listen = ["--listen", "tls/0.0.0.0:7447", "--secure", str(folder / "physics")]
@@ -342,7 +343,7 @@ def test_a_secured_run_over_two_machines_is_local_mode(fleet, folder, tmp_path):
 
 @needs_machines
 def test_the_commands_of_the_document_run_in_order(tmp_path):
-    """The commands of the document run one after the other the last ones on two machines."""
+    """The last commands run on two machines."""
     alone = commands(block("docs/security.md", "secured"))
     make_roles, first, second = commands(block("docs/security.md", "secured, two machines"))
     for command in (*alone, make_roles, first):  # what `second` runs follows from the run

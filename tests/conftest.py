@@ -41,9 +41,7 @@ settings.load_profile("repeatable")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Compile the kernels once, before several workers and hundreds of processes would each do it;
-    the imports of all tests follow.
-    """
+    """Compile the kernels once, before several workers and hundreds of processes do it."""
     collect_seldom()
     if not hasattr(config, "workerinput") and not are_compiled():
         Engine.begin(Scenario(rows=3, laser={"noise": 0.01})).rehearse()
@@ -73,15 +71,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_collection_finish() -> None:
-    """What is imported by now stays: the collector does not visit it again."""
+    """Let the collector never visit again what is imported by now."""
     gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)
 def data_of_the_tests(tmp_path_factory):
-    """No test reads or writes what the user of this machine has recorded, or studied with another
-    version.
-    """
+    """Keep what the user of this machine has recorded or studied out of all tests."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ORCHARD_RUNS", str(tmp_path_factory.mktemp("runs")))
         yield
@@ -89,8 +85,9 @@ def data_of_the_tests(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def invariants_hold(monkeypatch):
-    """For all engines that run in this process: the first tick after which an invariant is broken
-    fails the test.
+    """Fail a test at the first tick after which an invariant is broken.
+
+    This holds for all engines in this process.
     """
     account = Engine.account
 
@@ -103,13 +100,13 @@ def invariants_hold(monkeypatch):
 
 @pytest.fixture
 def soon_jammed(monkeypatch):
-    """A run counts as jammed when for two minutes, not ten, nothing has gone on."""
+    """Let a run count as jammed after two minutes without progress, not ten."""
     monkeypatch.setattr(metrics, "JAM_SECONDS", 120.0)
 
 
 @pytest.fixture
 def fleet(tmp_path, request):
-    """Processes of a run, to be started; none is left behind.
+    """Start processes of a run, and leave none behind.
 
     They are simulated, unless the test is marked as one about processes.
     """
@@ -121,17 +118,19 @@ def fleet(tmp_path, request):
 
 @pytest.fixture(scope="session")
 def undisturbed():
-    """The hash of the small orchard's callers when nothing happens to them."""
+    """Return the hash of the small orchard's callers when no fault happens to them."""
     return local_hash(SMALL, TICKS, calling_agents.cast(lay_out(SMALL)))
 
 
 @pytest.fixture(scope="session")
 def other():
+    """Return the messages of another run of the small scenario."""
     return recorded(SMALL, "other", 40)
 
 
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory) -> Path:
+    """Make the roles of the small scenario, for this machine and another one."""
     return make_roles(tmp_path_factory.mktemp("secure") / "roles", "192.168.1.10")
 
 
@@ -154,8 +153,9 @@ def downloads(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def chromium(tmp_path_factory, downloads):
-    """With all but Rerun's viewer, which takes the processor for long; `tests/view/test_pixels.py`
-    looks at pictures.
+    """Open a browser without Rerun's viewer, which takes the processor for long.
+
+    `tests/view/test_pixels.py` looks at pictures.
     """
     with chromium_with(tmp_path_factory.mktemp("profile"), downloads) as browser:
         browser.driver.execute_cdp_cmd("Network.enable", {})
@@ -165,7 +165,7 @@ def chromium(tmp_path_factory, downloads):
 
 @pytest.fixture
 def browser(chromium, server):
-    """The page with the default orchard.
+    """Open the page with the default orchard.
 
     One page serves many tests: to open it takes longer than most of them.
     """
@@ -181,11 +181,11 @@ def layout():
 
 @pytest.fixture(scope="session")
 def harvested(layout):
-    """The first frames of a harvest there."""
+    """Return the first frames of a harvest of `layout`."""
     return list(frames(layout, SECONDS))
 
 
 @pytest.fixture(scope="session")
 def recording(layout, harvested, tmp_path_factory):
-    """The file in which they are recorded."""
+    """Return the file in which the frames of `harvested` are recorded."""
     return recording_of(tmp_path_factory.mktemp("picture") / "run.rrd", layout, harvested)

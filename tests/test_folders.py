@@ -18,7 +18,7 @@ SECONDS = 10  # after which a reader that waits is ended
 
 @pytest.fixture
 def pipe(tmp_path) -> Path:
-    """A named pipe to which nothing writes, and an alarm for a test that waits for it."""
+    """Make a named pipe to which nothing writes, and an alarm for a test that waits for it."""
     signal.signal(signal.SIGALRM, signal.default_int_handler)
     signal.alarm(SECONDS)
     os.mkfifo(tmp_path / "odd.json")
@@ -28,7 +28,10 @@ def pipe(tmp_path) -> Path:
 
 @pytest.fixture
 def read(request):
-    """A function of a package that may be left out. Its import takes longer than the alarm."""
+    """Return a function of a package that may be missing.
+
+    Its import takes longer than the alarm.
+    """
     module, name = request.param
     return getattr(pytest.importorskip(module), name)
 

@@ -65,7 +65,9 @@ class Client:
     def state(
         self, what: str = "simulation_state", message: RunMessage | None = None
     ) -> wire.SimulationState | None:
-        """Return what the settings change: two modes, a limit, and sums that flags would spoil."""
+        """Return whether the run plays, and its tick, as physics replies to a query; None if it
+        does not say so.
+        """
         for reply in self.ask(what, message):
             with suppress(ValueError):
                 return wire.read(reply, wire.SimulationState)

@@ -116,7 +116,7 @@ class Part:
 
 
 class Course:
-    """What happens in a quiet harvest until some bins are unloaded."""
+    """All parts of a run. The last one is the present one."""
 
     def __init__(self, scene: str, clock: Callable[[], float]) -> None:
         """`clock`: of the schedule, s."""

@@ -25,7 +25,7 @@ class Reference(Protocol):
         """Return the hash at a tick; empty if the run has no such tick."""
 
     def figures_at(self, tick: int) -> bytes:
-        """Return the figures of local mode at a tick. `stopped_at`: the tick of a picker's stop."""
+        """Return the digest of the figures at a tick; empty if the run has no such tick."""
 
     def step_at(self, tick: int) -> bytes:
         """Return the digest of the step from a tick; empty if the run has no such step."""
@@ -51,7 +51,6 @@ class HarvestReference:
         return _at(self._harvest.hashes, tick)
 
     def figures_at(self, tick: int) -> bytes:
-        """Return the figures of local mode at a tick. `stopped_at`: the tick of a picker's stop."""
         return _at(self._harvest.figures, tick)
 
     def step_at(self, tick: int) -> bytes:
@@ -94,7 +93,6 @@ class Replay:
         return _at(self._hashes, tick - self._first)
 
     def figures_at(self, tick: int) -> bytes:
-        """Return the figures of local mode at a tick. `stopped_at`: the tick of a picker's stop."""
         if tick < self._first and self._before is not None:
             return self._before.figures_at(tick)
         self._go_to(tick)

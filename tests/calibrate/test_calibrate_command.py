@@ -27,6 +27,7 @@ BASE = Scenario(
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
+    """Return a folder with a log of two days at 4 bins an hour, and the scenario beside it."""
     made = tmp_path_factory.mktemp("calibrate")
     spread = {"spread": {"distribution": "lognormal", "cv": 0.15}}
     truth = with_changes(BASE, picking_rate=4.0, picking=spread)

@@ -173,7 +173,10 @@ def test_a_bay_that_waits_long_for_its_truck_is_no_jam() -> None:
 
 
 def test_a_carrier_that_gets_flat_in_the_bay_is_unloaded() -> None:
-    """The truck takes its bin in both models. Then nothing more comes, and the run ends as jammed."""
+    """The truck takes its bin in both models.
+
+    Then nothing more comes, and the run ends as jammed.
+    """
     battery = {"hours": 0.2, "hours_to_charge": 0.1, "reserve": 0.3, "standing": 0.5}
     layout = with_load_out(
         {"truck": {"every": 3000.0, "bins": 1}, "empty_bins": 1},

@@ -62,7 +62,7 @@ def test_a_missing_close_row_leaves_two_lines_of_trees():
 
 @pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])
 def test_a_slanted_block_with_missing_rows_is_harvested(route: str):
-    """The ends are slanted by 45 degrees, and the roads are straight, so robots drive on to them."""
+    """The ends are slanted by 45 degrees. The roads are straight, so robots drive on to them."""
     souths = [0.0, 4.0, 8.0, 24.0, 28.0]
     rows = [Row(south, south, 30.0) for south in souths]
     stage = Stage(orchard_of(rows, pickers=2, carriers=2, route=route, dispatch="predictive"))

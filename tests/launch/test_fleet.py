@@ -268,7 +268,10 @@ def test_what_is_refused_may_pass_and_is_tried_for_half_a_minute(fleet, clock):
 
 
 def test_who_fails_its_first_order_is_not_started_again(fleet, clock):
-    """Its command is wrong, so it would fail each time. A process that has worked is started again."""
+    """Its command is wrong, so it would fail each time.
+
+    A process that has worked is started again.
+    """
     fleet.start(
         ProcessSpec("physics", "orchard.processes.physics", [], again=True, may_refuse=False)
     )

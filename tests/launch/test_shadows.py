@@ -45,6 +45,7 @@ SHORT = ("--rows", 3, "--duration", 1, "--hosts", 1)
 
 @pytest.fixture
 def folder(tmp_path):
+    """Return a working folder with files that have the names of modules."""
     for name in NAMES:
         (tmp_path / f"{name}.py").write_text(RUNS)
     (tmp_path / "zenoh").mkdir()

@@ -95,13 +95,17 @@ def test_physics_waits_for_sessions_and_tells_the_end_again(items, until, words)
     [([(0.01, GONE)], LEAVE_SECONDS), ([(0.01, LEFT)], 15.0), ([(0.01, LEFT), (7.0, GONE)], 7.0)],
 )
 def test_a_reset_is_patient_with_tokens_not_with_dead_sessions(items, until):
-    """Before a reset physics is patient with tokens but with a dead session only as at an end."""
+    """Before a reset physics waits for a token that is gone, because it may come back.
+
+    It waits for a dead session no longer than at an end.
+    """
     assert waited(items, seconds=15.0).now == pytest.approx(until, abs=1.1 * END_SECONDS)
 
 
 def waited(items, seconds: float) -> Leaving:
-    """A bus on which physics has waited at the end of a run, for so long at most, until all
-    sessions have left.
+    """Let physics wait at the end of a run until all sessions have left. Return its bus.
+
+    `seconds`: how long it waits at most.
     """
     bus = Leaving()
     physics = RunLoop(bus, KEYS, Engine.begin(SMALL), RunOptions(run=RUN))
@@ -138,8 +142,9 @@ def test_a_host_says_that_it_leaves_when_a_user_stops_it():
 
 @pytest.mark.parametrize("joins_again", [False, True])
 def test_a_host_that_joins_again_sends_no_answer_of_before(monkeypatch, joins_again):
-    """A tick that comes again is answered again, but not after a join: physics may have come to it
-    on another way.
+    """A tick that comes again gets the same answer, but not after a join.
+
+    Physics may then have come to the tick in another way.
     """
     run = Run(SMALL, RUN, 5, Net(), cast)
     run.to_the_end()
@@ -168,7 +173,7 @@ def test_a_session_that_joins_again_has_not_left():
 
 
 def test_a_session_that_may_not_own_all_its_agents_owns_none():
-    """Else it would own what its join has not told it, and physics would wait for it."""
+    """It would own agents of which its join has not told it, and physics would wait for them."""
     drivers = RunLoop(Leaving(), KEYS, Engine.begin(SMALL), RunOptions(run=RUN)).run.drivers
     names = ["picker_01", "picker_02"]
     for name in names:
@@ -203,7 +208,7 @@ class Silent(Leaving):
 
 
 def test_each_silent_session_gets_its_tick_again():
-    """Else the death of one host would keep the tick from another one that has missed it."""
+    """If only one did, a dead host would keep the tick from another one that has missed it."""
     bus = Silent()
     options = RunOptions(run=RUN, patience=3.5 * AGAIN_SECONDS)
     loop = RunLoop(bus, KEYS, Engine.begin(SMALL), options)
@@ -222,7 +227,7 @@ def test_each_silent_session_gets_its_tick_again():
 
 
 def test_a_session_that_answers_for_some_agents_keeps_these():
-    """It lives, so physics takes only those from it for which it has not answered."""
+    """The session lives, so physics takes only those agents for which it has not answered."""
     loop = RunLoop(Silent(), KEYS, Engine.begin(SMALL), RunOptions(run=RUN, patience=1.0))
     drivers = loop.run.drivers
     names = ["bin_01", "picker_01", "picker_02"]

@@ -137,8 +137,9 @@ def test_its_digest_of_mail_is_ours():
 
 @pytest.mark.parametrize("number", [1, 13, 40])
 def test_its_field_is_ours(number):
-    """A figure that changes in the orchard, and so in keyspace.md, must change in the foreign
-    carrier too.
+    """A figure that changes in the orchard must change in foreign_carrier.py, too.
+
+    It stands in keyspace.md.
     """
     scenario = Scenario(rows=6, row_width=7.0, pickers=4, carriers=number, **ONE_WAY)
     layout = lay_out(scenario)

@@ -34,7 +34,6 @@ DOWN = 5.0  # s, for which links are down
 
 @needs_machines
 def test_three_machines_with_a_router_have_the_local_hash(fleet):
-    """Lockstep over three machines with a router of its own is local mode."""
     with machines("a", "b") as (middle, one, other):
         routing = fleet.router(f"tcp/0.0.0.0:{PORT}", before=within(middle))
         first, second, _ = MIDDLE
@@ -50,8 +49,9 @@ def test_three_machines_with_a_router_have_the_local_hash(fleet):
 
 @needs_machines
 def test_links_that_are_down_for_five_seconds_change_nothing(fleet, undisturbed):
-    """First that of a third of the agents, then that of physics; each time the sessions are given
-    up and opened again.
+    """First the link of a third of the agents is down, then that of physics.
+
+    Each time the sessions are given up and opened again.
     """
     with machines("a", "b", "c") as (middle, *guests):
         fleet.router(f"tcp/0.0.0.0:{PORT}", before=within(middle))

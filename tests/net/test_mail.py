@@ -60,7 +60,7 @@ def test_requests_are_heard_in_one_order():
 
 
 def test_an_unanswered_query_is_told_in_its_tick():
-    """A query that nobody answers is told so in the tick in which it is heard."""
+    """If no agent answers a request, its sender learns that in the tick in which it is heard."""
     box = mailbox()
     query = Query(letter(tick=4))
     box.hear("picker_01", query)
@@ -72,7 +72,7 @@ def test_an_unanswered_query_is_told_in_its_tick():
 
 @pytest.mark.parametrize("tick", [0, 3, 5 + MOST_HOLD])
 def test_a_request_of_the_past_or_far_future_is_dropped(tick):
-    """A request of the past or beyond any hold is dropped at once."""
+    """The far future is beyond any hold."""
     box = mailbox(5)
     query = Query(letter(tick=tick))
     with pytest.raises(Refused, match="tick"):
@@ -82,8 +82,9 @@ def test_a_request_of_the_past_or_far_future_is_dropped(tick):
 
 
 def test_a_request_after_its_heard_copy_is_no_fault():
-    """A host that joins hears the requests of two ticks from the copies; the queries may come
-    later, in a run without any fault.
+    """A host that joins hears the requests of two ticks from the copies.
+
+    The queries may come later, in a run without any fault.
     """
     box = mailbox(5)
     query = Query(letter(tick=5))
@@ -271,7 +272,7 @@ def test_a_tick_takes_one_answer_from_each_owner():
 
 
 def test_an_answer_that_comes_again_counts_once():
-    """A host sends it again where a tick comes again; the first one may only have been slow."""
+    """A host sends its answer again when a tick comes again, because the first may only be slow."""
     answers = LockstepBarrier(roster(("picker_01", "a"), ("bin_01", "b")), Clock())
     answers.open(3)
     for _ in range(2):
@@ -285,7 +286,7 @@ def test_an_answer_that_comes_again_counts_once():
 
 
 def test_an_equal_answer_counts_anew_after_a_takeover():
-    """An equal answer counts anew if its session has taken the agent again."""
+    """The session has taken the agent again since."""
     answers = LockstepBarrier(roster(("picker_01", "a")), Clock())
     answers.open(3)
     answers.take("picker_01", *action())
@@ -295,7 +296,7 @@ def test_an_equal_answer_counts_anew_after_a_takeover():
 
 
 def test_nobody_answers_in_anothers_place():
-    """Of the copies of a tick's letters only the answer of the one that was asked counts."""
+    """A tick's mail is copied to all, and only the answer of the agent that was asked counts."""
     asked = Written([("bin_01", StateRequest())], [])
     given = [Given("picker_01", 3, 0, Yes())]
     for answers, body in (

@@ -93,7 +93,7 @@ def test_a_newcomer_hears_physics_among_others(other):
 
 
 class Refusing(Crowd):
-    """A network on which physics is away while another client refuses the first questions."""
+    """A network on which physics is away, and another client refuses the first questions."""
 
     def __init__(self, questions: int, reply: bytes) -> None:
         super().__init__([reply])

@@ -33,7 +33,7 @@ def test_a_bin_tells_when_it_couples_and_when_it_is_full():
 
 
 def test_physics_is_there_while_one_of_two_tokens_is():
-    """While the router takes a dead physics for alive, the new one has a token, too."""
+    """The router may take a dead physics for alive while the new one has a token, too."""
     ending = Ending(lambda: 0.0)
     ending.track("dead", True)
     ending.track("new", True)

@@ -30,7 +30,7 @@ ROUNDING = 1e-12
 
 
 def all_kinds(seed: int, count: int) -> Iterator[Layout]:
-    """Yield so many orchards: each has a few of what an orchard may have beside rows and roads."""
+    """Yield so many orchards. Each has a few of what an orchard may have beside rows and roads."""
     chances = Random(f"limits {seed}")
 
     def drawn() -> dict[str, Any]:
@@ -98,7 +98,7 @@ def _people(chances: Random) -> dict[str, Any]:
 def assert_no_limit_is_passed(layout: Layout) -> tuple[float, float]:
     """Compare a harvest and a long run with their limits.
 
-    Return the proven seconds as a share of the harvest's, and the rate as one of its limit; nan
+    Return the proven seconds as a share of the harvest's, and the rate as a share of its limit; nan
     where robots wait for each other.
     """
     shares = [nan, nan]

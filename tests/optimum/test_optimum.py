@@ -159,8 +159,10 @@ def test_another_solver_finds_the_same_optimum(values):
 
 
 def shortest(jobs: list[TimedJob], carriers: int) -> float:
-    """The end of the best schedule on free roads, in ticks, as a mixed-integer program: for each
-    job its stop and its carrier, for each pair which of them comes first, if one carrier does both.
+    """Return when the best schedule on free roads ends, ticks, by a mixed-integer program.
+
+    It decides, for each job, its stop and its carrier; for each pair of jobs of one carrier, which
+    comes first.
     """
     count = len(jobs)
     pairs = list(combinations(range(len(jobs)), 2))
@@ -212,7 +214,7 @@ def shortest(jobs: list[TimedJob], carriers: int) -> float:
 
 
 def test_without_a_schedule_jobs_come_one_after_the_other():
-    """Where no schedule is found the best one known is one job after the other."""
+    """The solver finds no schedule in no time, so the best known one does one job after another."""
     found = optimum(lay_out(empty_orchard(rows=20, pickers=10, carriers=10)), work=1e-6)
     assert 0.0 < found.proven_seconds < found.best_seconds
 
@@ -236,7 +238,7 @@ def test_the_command_tells_that_the_clock_has_cut_the_search(tmp_path, capsys, m
 
 
 def test_the_command_tells_the_limit_of_study_and_page(tmp_path, capsys):
-    """Though each seed draws other rows."""
+    """The limit is the same though each seed draws other rows."""
     (tmp_path / "my.yaml").write_text(
         "{rows: 4, pickers: 2, carriers: 1, picking_speed: 0.05, seed: 3, picking: {spread:"
         " {distribution: lognormal}}}"

@@ -44,13 +44,13 @@ FIRST_JOBS = {
 
 
 def test_a_second_job_counts_from_the_exchange_before():
-    """The picker has gone on with its empty bin then, and not from its start."""
+    """The picker goes on with its empty bin from the exchange, not from its start."""
     second = jobs(route="two-way", carriers=4, metres_per_bin=12.5, rows=4)[1]
     assert times(second) == (906, 268, 611, 72, 531, 57, 222, 99)
 
 
 def test_a_lane_is_cleared_as_soon_beside_a_short_row():
-    """The drive from the end of the row to the furthest end on that side is no part of it."""
+    """The drive from the row's end to the furthest end on that side is not counted."""
     clearing = {"east": set(), "west": set()}
     for job in jobs_of(lay_out(orchard_of(UNEQUAL, pickers=2))):
         clearing[job.side].add(job.clearing)
@@ -59,20 +59,20 @@ def test_a_lane_is_cleared_as_soon_beside_a_short_row():
 
 @pytest.mark.parametrize("name", FIRST_JOBS)
 def test_a_job_takes_what_its_plans_take(name):
-    """Sizes, speeds and steps of plans give these times. Whoever changes those changes these."""
+    """Sizes, speeds and steps of plans give these times. A change of those changes these."""
     changes, expected = FIRST_JOBS[name]
     assert times(jobs(**changes)[0]) == expected
 
 
 def test_a_carrier_that_comes_last_rests_behind_the_others():
-    """It comes home sooner than to the head of the line, by the length of those before it."""
+    """It is home sooner than at the head of the line, by the length of the carriers before it."""
     fleets = [jobs(route="one-way", carriers=carriers)[0] for carriers in (1, 2, 3)]
     assert {job.to_head for job in fleets} == {311}
     assert [job.to_rest for job in fleets] == [311, 270, 229]
 
 
 def test_a_picker_that_stays_in_its_row_lets_the_carrier_out():
-    """It goes on into the row from which it came, once the carrier has left the lane's place."""
+    """It goes back into its row once the carrier has left the lane's place."""
     in_one_row = jobs(route="two-way", metres_per_bin=12.5, rows=4)
     back = in_one_row[1]
     place = f"{back.side}/D/{back.lane}"
@@ -83,7 +83,7 @@ def test_a_picker_that_stays_in_its_row_lets_the_carrier_out():
 
 
 def test_a_carrier_stops_once_its_picker_has_left_the_place():
-    """From the carrier's stop on, the picker's use of the place ends when the carrier's begins."""
+    """The picker's use of the place ends at the carrier's stop, where the carrier's use begins."""
     for job in jobs(route="one-way"):
         place = f"{job.side}/D/{job.lane}"
         of_picker = [use for use in job.crossings if use.place == place][-1]

@@ -77,12 +77,15 @@ def orchards(draw: st.DrawFn) -> dict[str, Any]:
 
 
 def in_turn(first: float, last: float, metres: float) -> float:
-    """An order of the user's own."""
+    """Give rows to pickers in turn, as a rule of the user's own."""
     return first if round(abs(last - first)) % 2 else outward(first, last, metres)
 
 
 def harvested(scenario: Scenario, holds: type[Lookahead] = Lookahead, kill_every: int = 0) -> Stage:
-    """`kill_every`: ticks after which new agents go on in place of all; 0: never."""
+    """Harvest a scenario to its end.
+
+    `kill_every`: ticks after which new agents take the place of all; 0: never.
+    """
     stage = Stage(scenario, holds=holds)
     while kill_every and not stage.local.engine.over and stage.world.tick < 2_000_000:
         stage.run(kill_every / 10)
@@ -162,7 +165,7 @@ def harvest_of(name: str) -> Scenario:
 
 @cache
 def snapshots_of(name: str) -> tuple[Stage, list[Snapshot]]:
-    """A whole harvest, and snapshots on its way and at its end."""
+    """Harvest to the end. Return snapshots on the way and at the end."""
     stage = Stage(harvest_of(name), is_hashed=True)
     kept = []
     while not stage.local.engine.over and stage.world.tick < 2_000_000:
@@ -197,10 +200,9 @@ def test_random_harvests_finish_without_a_collision(values, holds, kill_every):
     "name", ["bins that go on with the next row", "bins that are full where the row ends"]
 )
 def test_a_run_resumes_anywhere_to_the_same_hash(name):
-    """A run goes on from any snapshot and with other agents to the same hash.
+    """From each snapshot the run goes on, with other agents.
 
-    Each stretch of the run ends with the state, the memories and the mail with which the next
-    one begins.
+    Each stretch ends with the state, memories and mail with which the next one begins.
     """
     for begun, meant in pairwise(snapshots_of(name)[1]):
         again = Local.resume(begun)

@@ -35,8 +35,9 @@ QUARTER = np.pi / 2
 
 
 def swept(shape: np.ndarray, x: float, y: float, start: float, turn: float) -> np.ndarray:
-    """Return all points that a shape passes while it turns on the spot, in steps of a degree at
-    most.
+    """Return all points that a shape passes while it turns on the spot.
+
+    The steps are a degree at most.
     """
     angles = start + np.linspace(0.0, turn, 181)
     c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
@@ -54,10 +55,7 @@ def gap(points: np.ndarray, others: np.ndarray) -> float:
 
 
 def facing(points: np.ndarray, others: np.ndarray, most: float) -> np.ndarray:
-    """Return what a worker sees of boxes of 1 m. The worker is at the origin and faces east.
-
-    Each box has its near side at (metres ahead, metres to the left).
-    """
+    """Return those points that may be as near as `most` to others, which lie in a circle."""
     centre = (others.min(axis=0) + others.max(axis=0)) / 2
     radius = np.hypot(*(others - centre).T).max()
     return points[np.hypot(*(points - centre).T) <= radius + most]
@@ -78,7 +76,7 @@ def test_what_turns_sweep_is_what_the_plan_says():
 
 
 def test_a_carriers_turn_stays_clear_of_the_pickers_exit_turn():
-    """A carrier's turn at its stop stays clear of the next picker's exit turn."""
+    """The carrier turns at its stop, and the next picker leaves its row."""
     carrier = swept(outline("carrier"), D_ROAD, -STOP, SOUTH, -QUARTER)
     picker = swept(train("picker"), WAITING, -PITCH, EAST, -QUARTER)
     assert gap(carrier, picker) == pytest.approx(0.28, abs=0.01)
@@ -136,9 +134,7 @@ def is_before(of_picker: Area, of_job: Area) -> bool:
 
 
 def follows(drive: Area, stand: Area) -> bool:
-    """Whether the other carrier stands on the same road, straight ahead or round the next
-    corner.
-    """
+    """Whether the other carrier stands straight ahead on the same road, or round the next corner."""
     has_headings = bool(stand.heading) and bool(drive.heading)
     if not has_headings or is_of_picker(drive) or is_of_picker(stand):
         return False
@@ -166,11 +162,10 @@ def too_near(layout: Layout) -> list[tuple[Area, Area]]:
 
 
 def is_on_its_road(turn: Area, heading: str, stand: Area) -> bool:
-    """Whether lasers keep its distance from the other robot, which stands on the road from which it
-    comes, or to which it turns.
+    """Whether lasers keep the distance to a robot on the road of this one's turn.
 
-    There it sees the other one only if that is in the way of its own drive to the turn: what stands
-    beside it is behind its laser.
+    That is the road from which it comes, or to which it turns. There it sees the other robot only
+    if that is in the way of its own drive to the turn: what stands beside it is behind its laser.
     """
     dx = abs(stand.x - turn.x)
     dy = abs(stand.y - turn.y)
@@ -309,7 +304,6 @@ def test_what_stands_at_unequal_rows_is_clear_of_every_drive(scenario: Scenario)
 @pytest.mark.soak
 @given(surveyed())
 def test_soak_what_stands_at_unequal_rows_is_clear_of_drives(scenario: Scenario) -> None:
-    """What stands at unequal rows is clear of every drive and every turn."""
     assert too_near(lay_out(scenario)) == []
     assert in_a_turn(lay_out(scenario)) == []
 
@@ -327,8 +321,9 @@ def test_what_stands_is_clear_of_every_turn_beside_it(scenario: Scenario) -> Non
 
 
 def from_the_tractor(points: np.ndarray) -> float:
-    """The least distance of points to what the tractor sweeps: its drive, and a turn at each end,
-    m.
+    """Return the least distance of points to what the tractor sweeps, m.
+
+    The tractor sweeps its drive, and a turn at each end.
     """
     shape = outline("tractor")
     x = points[:, 0]
@@ -341,8 +336,9 @@ def from_the_tractor(points: np.ndarray) -> float:
 
 
 def nearest_to_the_tractor(layout: Layout) -> float:
-    """How near a carrier or its bin comes to what the tractor sweeps, m, where it stands, drives or
-    turns; at most 9.
+    """Return how near a carrier or its bin comes to what the tractor sweeps, m, at most 9.
+
+    Places where it stands, drives and turns count.
     """
     nearest = 9.0
     for walk in walks_of(layout):
@@ -393,7 +389,6 @@ def test_no_carrier_comes_near_to_what_the_tractor_sweeps(route: str, queues: tu
 
 @pytest.mark.parametrize("length", [28.0, 50.0, 105.0])
 def test_the_only_carrier_works_beside_the_tractor(length: float) -> None:
-    """The only carrier of a two way orchard brings in the harvest beside the tractor."""
     stage = Stage(
         empty_orchard(rows=3, pickers=2, carriers=1, row_length=length, route=TWO_WAY, tractor=True)
     )
@@ -410,7 +405,7 @@ def test_a_picker_that_is_stopped_at_its_start_stands_in_no_way(stands: str) -> 
 
 
 def test_a_picker_that_stays_in_the_east_stands_in_no_way() -> None:
-    """A picker that never leaves its start in the east stands in no way."""
+    """The picker never leaves its start in the east."""
     stage = Stage(Scenario(rows=4, pickers=2, row_length=30.0), picker_02=Standing())
     stage.run_until(lambda: stage.world.delivered == 2, 700)
     stage.assert_no_collisions()
@@ -432,11 +427,10 @@ def test_soak_no_picker_that_stands_is_in_the_way_of_the_others(
 
 @pytest.mark.soak
 def test_soak_half_of_the_pickers_stand_in_no_way() -> None:
-    """Half of the pickers of the largest orchard stand in no way of the others.
+    """Half of the pickers of the largest orchard never leave their starts.
 
-    Bins call when they are full.
-
-    With an early policy carriers would hold for the pickers that stand, in the way of others.
+    Bins call when they are full: with an early policy carriers would wait for the pickers that
+    stand, in the way of others.
     """
     pickers = [f"picker_{number:02d}" for number in range(1, 21)]
     stage = Stage(

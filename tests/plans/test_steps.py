@@ -155,7 +155,7 @@ def test_a_robot_with_a_bin_that_turns_is_asked_at_every_tick():
 
 
 def turning(begins="EAST", ends="WEST"):
-    """A tractor that begins to turn about on the driveway."""
+    """Return a tractor that begins to turn about on the driveway."""
     stage = Stage(empty_orchard(tractor=True))
     stage.put("tractor_01", -35.0, 29.0, begins)
     stage.give("tractor_01", [Face(ends)])
@@ -163,7 +163,7 @@ def turning(begins="EAST", ends="WEST"):
 
 
 class Nudge(Step, frozen=True):
-    """An own step that turns a little, and is done in the same tick."""
+    """A step of the user's own that turns a little, and is done in the same tick."""
 
     def act(self, robot):
         robot.turn(1e-9, 1e-9, [])

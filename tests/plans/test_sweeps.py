@@ -62,7 +62,7 @@ def test_sweeps_at_some_spacings_are_apart(spacing: float, route: str) -> None:
 @pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])
 @pytest.mark.parametrize("spacing", [*SOME[:-1], EVERY_5_CM[-1]])
 def test_no_turn_comes_near_a_fence(spacing: float, route: str) -> None:
-    """With bins that fill inside a row a picker comes back to it, at either end."""
+    """Bins fill inside a row, so a picker comes back to the row at either end."""
     for crew, rule in product(CREWS, (*RULES, FROM_THE_EAST)):
         layout = lay_out(spaced(spacing, route, crew, rule))
         half = FENCE_THICKNESS / 2
@@ -109,7 +109,7 @@ def test_sweeps_at_unequal_rows_are_apart(route: str) -> None:
 
 
 def test_two_loops_that_share_no_place_collide(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The test finds what it looks for: a carrier that stops too far past its lane."""
+    """The sweep finds what it looks for: here a carrier stops too far past its lane."""
     monkeypatch.setattr("orchard.plans.route.OneWay.STOP", 3.2)
     layout = lay_out(spaced(5.5, TWO_WAY, "a row each", rule="balanced-ends"))
     assert collisions(layout)

@@ -56,7 +56,7 @@ def test_physics_sends_a_whole_picture_when_a_logger_comes(fleet):
 
 
 def test_a_logger_is_ready_before_it_shows_its_token(monkeypatch):
-    """It listens, and its recording is open. The first tick waits for the token."""
+    """It listens, and its recording is open, because the first tick waits for the token."""
     done = []
     run = (SimpleNamespace(run="run1"), lay_out(Scenario(rows=3)))
     executor = SimpleNamespace(submit=lambda *_: done.append("write"))
@@ -70,8 +70,9 @@ def test_a_logger_is_ready_before_it_shows_its_token(monkeypatch):
 
 
 def test_a_logger_begins_with_a_whole_picture():
-    """After ticks without a subscriber a picture holds all changes: each rare field, and only the
-    bodies that do something new.
+    """After ticks without a subscriber a picture holds all changes.
+
+    It has each field that changes seldom, and the texts only of bodies that do something new.
     """
     local = Local(Scenario(rows=3))
     local.tick()
@@ -161,7 +162,7 @@ def test_changes_of_all_pictures_together_are_a_whole_one():
 
 
 def test_bundles_hold_each_picture_with_what_was_said(monkeypatch):
-    """Bundles hold each picture with what was said in its step before the run ends."""
+    """A bundle holds pictures, and the events and letters of the step of each."""
     monkeypatch.setattr("orchard.server.publisher.BUNDLE_SECONDS", math.inf)
     ticks = 725
     run = Run(Scenario(rows=3), "run1", 725)
@@ -246,14 +247,15 @@ def next_logger(run: subprocess.Popen, old: psutil.Process) -> psutil.Process:
 
 
 def has_begun(file: Path) -> bool:
-    """Whether there is more in it than the scenery and the first pictures, which are 700 kB."""
+    """Whether a recording has more than the scenery and the first pictures, which are 700 kB."""
     return file.exists() and file.stat().st_size > 900_000
 
 
 @pytest.fixture(scope="module")
 def battered(tmp_path_factory):
-    """A run whose logger is killed, killed while it starts, and frozen; its recording, its summary,
-    and what it printed.
+    """Run with a logger that is killed, killed while it starts, and frozen.
+
+    Return its recording, its summary, and what it printed.
     """
     folder = tmp_path_factory.mktemp("battered")
     file = folder / "run.rrd"
@@ -445,7 +447,6 @@ def test_a_slow_recorder_leaves_out_pictures_but_no_words():
 
 
 def test_a_hanging_recorder_costs_only_so_many_pictures():
-    """A recorder that never comes back costs no more than so many pictures."""
     pages = FrameQueue(most=10)
     for tick in range(1, 5001):
         pages.put(Frame(tick, np.zeros((1, 3))))

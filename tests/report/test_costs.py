@@ -20,7 +20,7 @@ def four_pickers(**prices: Any) -> Scenario:
 
 
 def test_all_that_is_paid_adds_up_in_the_long_run() -> None:
-    """At 10 bins an hour, an hour costs 100, 20, 30 and 10, and a bin 2 and 1."""
+    """At 10 bins an hour, an hour costs 100, 20, 30 and 10, and a bin costs 2 and 1."""
     scenario = four_pickers(
         picker_per_hour=25.0,
         picker_per_bin=2.0,
@@ -40,7 +40,7 @@ def test_all_that_is_paid_adds_up_in_the_long_run() -> None:
 
 
 def test_a_picker_gets_the_least_of_a_day() -> None:
-    """Of 4 bins an hour each picker fills 8 a day, for 80; 40 more are paid for its 8 bins."""
+    """Of 4 bins an hour each picker fills 8 a day, for 80: so 40 more are paid for its 8 bins."""
     scenario = four_pickers(picker_per_bin=10.0, picker_least_per_day=120.0)
     paid = payments_of_long_run(scenario, 4.0, EIGHT_HOURS)
     assert paid == {"picker_bins": pytest.approx(10.0), "picker_least": pytest.approx(5.0)}

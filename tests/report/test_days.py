@@ -32,7 +32,7 @@ def test_a_time_of_work_is_a_day_and_an_hour(seconds: float, words: str) -> None
 
 
 def test_the_work_of_a_day_ends_before_carriers_must_be_home() -> None:
-    """The longest job is the time from which on only jobs are finished."""
+    """Only jobs that have begun are finished in the time of the longest job before the end."""
     scenario = Scenario(shift=SHIFT)
     bounds = limit_of_question(scenario)
     days = work_days(scenario, bounds)

@@ -78,7 +78,7 @@ def assert_within_limit(values) -> None:
 
 
 def test_a_long_run_keeps_its_limit_with_a_far_end():
-    """A long run keeps its limit where carriers need longer to one end."""
+    """Carriers need longer to one end of the rows."""
     assert_within_limit(EAST_AND_WEST)
 
 
@@ -240,7 +240,7 @@ def with_slow_carriers(times):
 
 @pytest.mark.parametrize("beside_the_model", [0.0, 0.1, 5.0])
 def test_a_battery_that_never_runs_down_costs_nothing(beside_the_model):
-    """Also if the harvest took longer than the event model says."""
+    """That holds, too, if the harvest takes longer than the event model says."""
     battery = {"hours": 200.0, "hours_to_charge": 0.5, "reserve": 0.0}
     layout = lay_out(
         empty_orchard(

@@ -18,7 +18,7 @@ FAR = {"seconds_away": 800.0, "trailers": {"count": 1, "bins": 2}}
 
 
 def small(load_out: dict[str, Any], **values: Any) -> Layout:
-    """Return a small orchard with this policy."""
+    """Return a layout of a small orchard with this load-out."""
     size = {"rows": 6, "pickers": 2, "carriers": 3, "row_length": 24.0}
     return lay_out(Scenario.model_validate(NOBODY | size | values | {"load_out": load_out}))
 
@@ -33,7 +33,7 @@ def lost(layout: Layout) -> dict[str, float]:
 @pytest.mark.parametrize("load_out", [TRUCK, TRAILERS, FAR], ids=["truck", "trailers", "far"])
 @pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
 def test_waits_in_the_bay_are_no_loss_to_others(load_out: dict[str, Any], dispatch: str) -> None:
-    """All other parts are those of the harvest in which nothing is waited for in the bay."""
+    """All other parts are those of the harvest that waits for nothing in the bay."""
     parts = lost(small(load_out, dispatch=dispatch))
     assert parts.pop("load_out") > 150.0
     assert parts == pytest.approx(lost(small({}, dispatch=dispatch)), abs=0.2)

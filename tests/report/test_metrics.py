@@ -25,7 +25,7 @@ from orchard.server.figures import RunFigures
 
 
 def test_ten_minutes_of_nothing_are_a_jam_with_names():
-    """After ten minutes of nothing a run is jammed, and names which robot waits for which."""
+    """The words of the jam say which robot waits for which."""
     idle = {f"carrier_0{i}": Standing() for i in (1, 2)}
     stage = Stage(empty_orchard(), **idle)
     took = stage.run_until(lambda: bool(stage.account.jam), 900)
@@ -134,7 +134,7 @@ def test_the_long_run_comes_near_the_limit_and_keeps_to_it(changes):
 
 
 def test_only_drives_on_which_carriers_can_fail_cost_repairs():
-    """On one-way roads they drive home along 54 m of queue, where none fails."""
+    """On one-way roads carriers drive home along 54 m of queue, where none fails."""
     fails = {"carrying": {"failure": {"mean_between": 300.0, "mean_repair": 600.0}}}
     failing, sound = (
         Bounds(lay_out(empty_orchard(rows=4, route="one-way", **changes))).cycle_seconds
@@ -144,7 +144,6 @@ def test_only_drives_on_which_carriers_can_fail_cost_repairs():
 
 
 def test_an_unhindered_carrier_takes_its_closed_form_time():
-    """A carrier that nothing holds up takes as long as the closed form says."""
     stage = Stage(empty_orchard(rows=3, pickers=3, carriers=1, dispatch=NEAREST))
     called = stage.run_until(
         lambda: (
@@ -286,7 +285,7 @@ class NoTurns(TwoWay):
 
 
 def test_nothing_is_proven_of_a_users_route_without_turns():
-    """Nothing is proven of a user's route on which robots take no turns."""
+    """On such a route robots do not take turns at the places of the roads."""
     assert (
         proven_seconds(
             lay_out(empty_orchard(rows=5, pickers=2, carriers=2, route="test_metrics.NoTurns"))

@@ -233,7 +233,7 @@ ENDS = [
 
 
 def test_a_rate_of_part_full_bins_says_that_it_counts_full_ones():
-    """As the limit beside it does: five bins in this time are 18.6 an hour, if all are full."""
+    """The limit beside it counts full bins, too. Five full bins in this time are 18.6 an hour."""
     told = sentence(harvested(bins_per_hour=12.4))
     assert told.endswith("simulated: 12.4 full bins an hour.")
     assert sentence(harvested()).endswith("simulated: 18.6 bins an hour.")
@@ -283,7 +283,7 @@ LIMITS = [
 
 @pytest.mark.parametrize(("figures", "limited_by", "lost"), LIMITS)
 def test_the_second_sentence_tells_limit_and_main_loss(figures, limited_by, lost):
-    """The second sentence tells what limits the harvest and what most was lost to."""
+    """It says what limits the harvest, and to what most time was lost."""
     told = (
         f"What limits it: {limited_by}, to 24.9 bins an hour in a long harvest of these rows"
         f" without traffic{lost}."
@@ -312,7 +312,7 @@ def test_a_time_is_told_in_minutes_or_hours(seconds, words):
 
 
 def drawn(svg):
-    """title -> the rectangle that has it."""
+    """Return the rectangle of each title in a drawing."""
     boxes = Xml.fromstring(svg).iter("{http://www.w3.org/2000/svg}rect")
     return {box[0].text: box for box in boxes if len(box)}
 

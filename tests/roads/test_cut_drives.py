@@ -10,7 +10,10 @@ from orchard.roads.graph import _parts
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_a_drive_is_cut_at_the_gates_ahead_of_it(direction):
-    """From 0 m to 10 m: each gate belongs to one part, and those beyond the end to none."""
+    """The drive leads from 0 m to 10 m.
+
+    Each gate belongs to one part, and gates beyond the end belong to none.
+    """
 
     def gates(**places: float) -> list[Gate]:
         return [Gate([place], direction * at) for place, at in places.items()]

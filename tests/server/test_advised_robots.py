@@ -32,7 +32,7 @@ def driving(tick: int, x: float = 0.0, deeds=()) -> Velocity:
 
 
 def test_advice_counts_for_half_a_second():
-    """Advice counts for half a second and then the agent again."""
+    """After that the agent's velocity counts again."""
     advised = Advised()
     advised.take(NAME, advice(7), 7)
     counts = [NAME in advised.actions(tick, {}, {}) for tick in range(7, 7 + WATCHDOG_TICKS + 2)]
@@ -51,7 +51,7 @@ def test_old_overtaken_or_future_advice_is_refused(tick, reason):
 
 @given(st.floats(-1.0, 1.0), st.floats(-0.3, 0.3))
 def test_advice_replaces_only_velocity_and_hold(x, turn):
-    """All of the agent's action stays but its velocity and its hold."""
+    """The rest of the agent's action stays."""
     action = Action(
         Twist(1.0),
         [Couple("bin_01")],
@@ -105,7 +105,7 @@ def speed(run) -> float:
 
 
 def test_advice_wakes_the_agent_of_a_robot_that_holds(run):
-    """Advice drives a robot that holds and its agent is asked again."""
+    """The agent is asked again, because the robot is no longer where the hold expects it."""
     engine = run.physics.run.engine
     one_tick(run)
     engine.observe(), engine.due(())
@@ -143,8 +143,9 @@ LETS_GO = 250  # ticks, of 300
 
 
 class Outside:
-    """Drives a picker from outside: it speeds up slowly to half of what the agent wants, and every
-    now and then it lets go.
+    """Drives a picker from outside.
+
+    It speeds up slowly to half of what the agent wants, and lets go every now and then.
     """
 
     def __init__(self, run: Run) -> None:
@@ -171,7 +172,6 @@ class Outside:
 
 
 def test_a_harvest_with_outside_velocities_finishes():
-    """A harvest finishes while a picker's velocity comes from outside."""
     run = Run(SHORT, RUN, 20_000)
     outside = Outside(run)
     end = run.to_the_end()
@@ -218,7 +218,7 @@ def going(drivers, session, names):
 
 
 def test_nothing_is_kept_of_a_session_without_agents(run):
-    """Nothing is kept of a session whose last agent is with another."""
+    """Another session has taken the last of its agents."""
     drivers = run.physics.run.drivers
     retired = run.physics.bus.retired
     one, other = drivers.roster.names[:2]

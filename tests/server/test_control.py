@@ -72,7 +72,7 @@ def test_a_pause_makes_no_agent_late_and_no_tick():
 
 
 class Late(Inbox):
-    """In it a velocity arrives while physics waits for the next tick to be due.
+    """A bus at which a velocity arrives while physics waits until the next tick is due.
 
     Waiting takes virtual time.
     """

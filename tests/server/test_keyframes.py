@@ -9,7 +9,7 @@ from orchard.server.snapshots import SnapshotWriter
 
 
 def test_a_keyframe_is_due_at_each_multiple_of_its_distance(tmp_path):
-    """No other snapshot is due: the next one has infinite time."""
+    """No other snapshot is due, because the next one is infinitely late."""
     with ThreadPoolExecutor(1) as executor:
         writer = SnapshotWriter(
             tmp_path, executor, lambda: 0.0, seconds=math.inf, keyframe_seconds=1.0

@@ -63,8 +63,9 @@ def end(run: subprocess.Popen) -> str:
 
 @pytest.fixture(scope="module")
 def battered(tmp_path_factory):
-    """A run of which a host and physics are killed, and all processes are ended by signals that
-    run.py has not sent: (folder, printed).
+    """Kill a host and physics of a run, and then end all processes by signals.
+
+    run.py has not sent these signals. Return the folder of the run, and what it printed.
     """
     folder = tmp_path_factory.mktemp("battered")
     order = (
@@ -107,10 +108,7 @@ def test_whatever_is_killed_the_same_run_goes_on(battered, undisturbed):
 
 @pytest.mark.soak
 def test_a_dispatcher_resumed_elsewhere_plans_on_alike(tmp_path):
-    """A dispatcher that is killed and then resumed elsewhere plans on as it would have.
-
-    With `rolling`, which remembers what it has decided.
-    """
+    """The policy `rolling` remembers what it has decided."""
     roads = {
         "rows": 6,
         "pickers": 3,

@@ -49,7 +49,7 @@ def velocity(tick):
 
 
 def driven(one, clock, ticks):
-    """The forward velocities of picker_01 in the next ticks, in which nothing new comes."""
+    """Return the forward velocities of picker_01 in the next ticks, in which nothing new comes."""
     speeds = []
     for _ in range(ticks):
         action = one.actions().get("picker_01", Action())
@@ -60,7 +60,7 @@ def driven(one, clock, ticks):
 
 
 def test_a_velocity_drives_on_for_half_a_second():
-    """A velocity drives on until its half second is over and an older one is refused."""
+    """In that time an older velocity is refused."""
     one, clock = live()
     one.open(0)
     one.take("picker_01", *driving(0))
@@ -80,11 +80,10 @@ def test_a_velocity_drives_on_for_half_a_second():
     ],
 )
 def test_an_unheld_robot_moves_for_half_a_second_in_realtime(first, later, steps):
-    """A robot that no session holds moves for half a second and at most one step more.
+    """It moves for at most one step more.
 
-    The velocity for tick 0 comes 0.05 s after the pose.
-
-    `first` and `later`: s from a pose to its step; the answers of others decide.
+    The velocity for tick 0 comes 0.05 s after the pose. `first`, `later`: s from a pose to its
+    step, which depend on when the others answer.
     """
     clock = Clock()
     unowned = UnownedCommands(clock)
@@ -109,7 +108,7 @@ def test_an_unheld_robot_moves_for_half_a_second_in_realtime(first, later, steps
 
 @pytest.mark.parametrize("pause", [0.0001, 10.0], ids=["full speed", "a slow run"])
 def test_an_unheld_robot_moves_for_half_a_second_in_lockstep(pause):
-    """In lockstep a robot that no session holds moves for half a second of simulated time."""
+    """In lockstep it is half a second of simulated time, however long physics waits."""
     clock = Clock()
     unowned = UnownedCommands(clock, LockstepBarrier.watchdog)
     moved = 0
@@ -182,7 +181,7 @@ def test_letters_are_told_once_beside_a_bare_velocity():
 
 
 def test_who_answers_in_time_has_longer_than_who_was_late():
-    """A client that answers in time has a moment longer than the tick; a late one has less."""
+    """A client that answers in time has a moment longer than a tick; one that was late has less."""
     one, clock = live(("picker_01", "a"), ("bin_01", "b"))
     one.open(0)
     assert one.deadline == pytest.approx(clock.now + STEP + SLACK)

@@ -58,10 +58,9 @@ def test_hosts_killed_while_bins_call_change_nothing(fleet, dispatch):
 
 
 def test_a_host_that_sleeps_too_long_joins_when_it_wakes(fleet, tmp_path):
-    """A host that sleeps for longer than patience and lease joins again when it wakes.
+    """It sleeps for 3 s, longer than patience and lease.
 
-    3 s: the agents that had letters for it learn within 2 s that it does not answer, and are in
-    time.
+    Agents with mail for it learn within 2 s that it does not answer, and are in time.
     """
     fleet.physics(
         SMALL, "--speed", "5", "--patience", "3", "--snapshots", str(tmp_path / "snapshots")
@@ -88,7 +87,6 @@ def test_a_host_that_sleeps_too_long_joins_when_it_wakes(fleet, tmp_path):
 
 
 def test_who_was_given_up_is_refused_until_it_joins(fleet):
-    """What a session says after it was given up is refused until it joins again."""
     fleet.physics(SMALL, "--speed", "5", "--patience", "1")
     someone = fleet.client()
     lost, figures, clock = (someone.hear(f"orchard/{key}") for key in ("lost", "figures", "clock"))
@@ -130,7 +128,7 @@ def test_who_is_waited_for_is_named_long_before_the_wait_is_over(fleet):
 
 
 def test_physics_goes_on_without_its_scenario_file(fleet, undisturbed, tmp_path):
-    """It goes on from the newest snapshot that is its own and whole."""
+    """It goes on from the newest whole snapshot of this run."""
     keeping = killed_with_snapshots(fleet, tmp_path)
     folder = tmp_path / "snapshots"
     gone = tmp_path / "scenario.yaml"
@@ -162,7 +160,7 @@ def test_physics_with_a_torn_snapshot_begins_anew_and_says_so(fleet, undisturbed
 
 @pytest.mark.parametrize(("seconds", "is_there"), [(10.0, True), (20.0, False)])
 def test_holders_of_agents_are_waited_for_while_they_come_back(fleet, tmp_path, seconds, is_there):
-    """Sessions that held agents are waited for as long as one after another comes back."""
+    """Physics waits as long as one session after another comes back."""
     keeping = killed_with_snapshots(fleet, tmp_path)
     for host in fleet.hosts:
         end(host)
@@ -178,7 +176,7 @@ def test_holders_of_agents_are_waited_for_while_they_come_back(fleet, tmp_path, 
 
 
 def test_earlier_refusals_survive_a_kill_of_physics(tmp_path):
-    """What was refused before physics was killed is in its figures afterwards."""
+    """Its figures count what was refused before it was killed."""
     options = RunOptions(run="run7", snapshots=str(tmp_path))
     before = RunLoop(StandIn(Net(), "physics1"), Keys(), Engine.begin(SMALL), options).run
     before.refusal_totals.note("a key", Refused("malformed"))

@@ -64,7 +64,7 @@ def test_kernels_are_there_once_some_of_these_sources_are_kept(tmp_path, monkeyp
 
 
 def folder_of_kernels(above, digit: str):
-    """The folder of kernels of other sources: the program names it by a hash of them."""
+    """Return the folder of the kernels of other sources, whose name is a hash of them."""
     return above / f"kernels-{digit * 16}"
 
 
@@ -199,7 +199,7 @@ def test_a_folder_that_cannot_be_made_is_no_reason_not_to_start(tmp_path, caplog
 
 
 def test_a_reader_beside_a_writer_never_sees_a_part(tmp_path, caplog):
-    """A process that reads while another one writes never sees a part."""
+    """One process reads a kernel while another one writes it."""
     program = (
         "import sys; from pathlib import Path; from orchard.sim.kernels.cache import KernelFiles\n"
     )
@@ -273,7 +273,6 @@ print(*[name for name, signatures in known().items() if signatures != rehearsed[
 
 
 def test_a_rehearsed_harvest_needs_no_further_kernel():
-    """After a rehearsal a whole harvest needs no further kernel."""
     done = python("-c", HARVEST)
     assert done.stdout.split() == []
     assert done.stderr == ""

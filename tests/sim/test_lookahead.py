@@ -30,7 +30,10 @@ AHEAD = Zone(0.0, 2.0, -0.5, 0.5)
 
 
 class Holder:
-    """Gives one velocity and one hold whenever it is asked, notes when, and acts at given ticks."""
+    """Gives one velocity and one hold whenever it is asked, and acts at given ticks.
+
+    It notes when it is asked.
+    """
 
     Memory = dict
     holds = True
@@ -64,8 +67,9 @@ def asked_in(ticks, agent, scenario=None, name="picker_01", **others):
 
 
 def same_run(scenario, ticks):
-    """Assert that holds change neither the hash nor a figure of a run, and return the share of
-    agents that were asked.
+    """Assert that holds change neither the hash nor a figure of a run.
+
+    Return the share of agents that were asked.
     """
     runs = {
         holds: Stage(scenario, holds=holds, is_hashed=True) for holds in (Lookahead, IgnoredHolds)
@@ -124,7 +128,7 @@ def test_holds_change_no_stopped_reset_and_handed_over_run(scenario, data):
 
 
 def test_a_call_no_longer_repeated_is_forgotten():
-    """A call that is no longer repeated is forgotten however long the carrier held."""
+    """It is forgotten however long the carrier held."""
     calls = {"bin_01": HeardCall(since=10, tick=20, offered=15)}
     hear_calls(calls, Mail([Heard("bin_01", 200, 0, Call(1, "east", 10))]), 201)
     assert calls["bin_01"].offered == LAST_TICK
@@ -149,7 +153,7 @@ def test_an_agent_without_holds_is_asked_at_every_tick():
 
 
 def test_a_hold_ends_at_its_tick():
-    """A hold ends at its tick and its velocity is applied until then."""
+    """Its velocity is applied until then."""
     stage = stage_of(
         visitor_01=(visitor := Holder(Twist(0.5), until=3)),
         scenario=empty_orchard(people=People(workers=0, visitors=1)),

@@ -46,8 +46,8 @@ def test_40_ticks_of_an_eighth_turn_a_second_are_90_degrees():
 @example(1.0, 0.0, 1e-300, 0.5)
 @example(1.0, 0.0, 5e-324, 0.5)
 def test_a_step_follows_its_arc(forward, left, turn, yaw):
-    """Compare with the closed form where that is well conditioned, else with a thousand small
-    straight steps.
+    """The closed form is compared where it is well conditioned, else a thousand short straight
+    steps.
     """
     x, y, end = move.arc(2.0, -1.0, yaw, forward, left, turn, 0.1)
     if abs(turn) > 1e-3:
@@ -213,7 +213,7 @@ def test_a_touching_robot_may_only_turn_away():
 
 @given(st.sampled_from(["picker", "carrier", "tractor"]), st.floats(-PI, PI), st.floats(-PI, PI))
 def test_a_turn_sweeps_only_what_is_within_its_reach(name, angle, turn):
-    """A turn sweeps nothing beyond its reach but nearly all within."""
+    """The turn touches nothing beyond its reach, and nearly all within."""
     kind = KINDS[name]
     boxes = [
         sense._Part(Pose(0.0, 0.0, 0.0), kind.length / 2, kind.width / 2),

@@ -36,7 +36,7 @@ def test_a_row_is_picked_westward_as_well():
 
 
 def test_what_grows_in_the_row_goes_into_the_bin_once():
-    """What grows in the row goes into the bin and driving back and forth adds nothing."""
+    """Driving back and forth adds nothing."""
     row = picker_with_bin()
     row.drive(100, **train(x=1.0))
     row.drive(50, **train(x=-1.0))
@@ -150,8 +150,9 @@ BAY_Y = (BAY.south + BAY.north) / 2
 
 
 def carriers_in_bay(*x: float) -> Yard:
-    """Return a yard with carrier_01, carrier_03 ... and their full bins bin_02, bin_04 ... at these
-    x in the bay, side by side.
+    """Return a yard with carriers and their full bins side by side in the bay, at these x, m.
+
+    They are carrier_01, carrier_03 ... and bin_02, bin_04 ...
     """
     bodies = []
     for k, bin_x in enumerate(x):

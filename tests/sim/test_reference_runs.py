@@ -16,7 +16,8 @@ def test_each_reference_run_has_a_kept_result() -> None:
 
 @pytest.mark.parametrize("name", RUNS)
 def test_a_reference_run_has_its_kept_result(name: str) -> None:
-    """`python tests/support/reference_runs.py` writes them anew, where a change is meant to change
-    them.
+    """A change may be meant to change a result.
+
+    Then `python tests/support/reference_runs.py` writes them anew.
     """
     assert result_of(name) == KEPT[name]

@@ -99,9 +99,7 @@ ANY_PROCESSOR = {
 
 
 def test_the_hash_is_the_same_on_another_processor(request):
-    """Kernels for another processor are kept from one session of tests to the next, as those for
-    this one are.
-    """
+    """Kernels for the other processor are kept for the next tests, as those for this one are."""
     program = "from local_runs import harvest_hash; print(harvest_hash())"
     kernels = str(request.config.cache.mkdir("kernels"))
     assert (

@@ -39,7 +39,7 @@ def scan_of(world, i: int = 0) -> np.ndarray:
 
 
 def assert_agrees_with_raycaster(world) -> None:
-    """Assert that every range is right to EXACT, for boxes with places that are right to EXACT."""
+    """Assert that each range is right to EXACT, for boxes whose places are right to EXACT."""
     ends = np.cumsum([KINDS[start.kind].laser.beams for start in world.layout.starts])
     for i, ranges in enumerate(np.split(Scanner(world).ranges(world), ends[:-1])):
         least, most = bounds_of(world, i, EXACT)
@@ -61,7 +61,7 @@ def test_every_beam_is_exact_against_any_boxes(bodies, walls):
 @settings(max_examples=25)
 @given(st.lists(st.tuples(st.sampled_from(sorted(KINDS)), field_poses), min_size=1, max_size=6))
 def test_every_beam_is_exact_anywhere(bodies):
-    """Every beam is exact anywhere in an orchard and just outside."""
+    """The bodies stand anywhere in an orchard, or just outside."""
     assert_agrees_with_raycaster(world_of(*bodies, walls=lay_out(Scenario()).walls.tolist()))
 
 
@@ -77,7 +77,7 @@ def test_a_forward_laser_has_180_beams_and_a_bin_60():
 
 
 def test_a_fence_3_m_ahead_is_seen_at_3_m():
-    """A fence 3 m before the front edge is seen at 3 m and askew at more."""
+    """The range counts from the front edge, and a beam that is askew measures more."""
     world = world_of(("picker", Pose(0, 0, 0)), walls=[(4.25 + 0.5, 0.0, 0.5, 20.0)])
     scan = scan_of(world)
     for beam in (30, 89, 90, 150):
@@ -141,7 +141,7 @@ def noisy(seed: int = 1, noise: float = 0.02, tick: int = 0):
 
 
 def test_noise_follows_from_seed_name_and_tick():
-    """Noise is the same for the same seed name and tick and another otherwise."""
+    """With the same three the noise is the same; with another one of them it differs."""
     assert np.array_equal(noisy()[0], noisy()[0])
     for other in (noisy(seed=2)[0], noisy(tick=1)[0], noisy()[1]):
         assert (other[60:120] != noisy()[0][60:120]).all()
@@ -160,7 +160,7 @@ def test_noise_has_the_set_deviation_and_no_bias():
 
 
 def test_noise_stays_within_the_range():
-    """Noise stays within the range and off beams without a return."""
+    """A beam without a return gets no noise."""
     clean = noisy(noise=0.0)[0]
     for tick in range(20):
         scan = noisy(noise=0.02, tick=tick)[0]

@@ -47,7 +47,7 @@ def world_of(scenario: Scenario) -> tuple[World, Scans]:
 
 
 def errors(scenario: Scenario, ticks: Sequence[int]) -> np.ndarray:
-    """The errors of the robots' x and y at these ticks, while they stand, m: (ticks, robots, 2)."""
+    """Return the errors of x and y of standing robots at some ticks, m, (ticks, robots, 2)."""
     world, scans = world_of(scenario)
     sensors = Sensors(world)
     robots = list(robots_of(world.layout).values())
@@ -62,7 +62,7 @@ def errors(scenario: Scenario, ticks: Sequence[int]) -> np.ndarray:
 
 
 def over_seeds(*ticks: int, **changes: float) -> np.ndarray:
-    """The same for all SEEDS: (seeds, ticks, robots, 2)."""
+    """Return the same for all SEEDS, (seeds, ticks, robots, 2)."""
     return np.array([errors(erring(seed, **changes), ticks) for seed in SEEDS])
 
 
@@ -95,7 +95,7 @@ def test_errors_of_positions_have_the_set_deviation(white, bias):
 
 
 def test_white_errors_are_new_and_slow_ones_fade():
-    """The white error is new at each tick and the slow one forgets itself in its time."""
+    """A white error is new at each tick. A slow one is forgotten within its time."""
     slow = over_seeds(0, 5, 20, 40, **{"sensors.gnss.bias": 0.03, "sensors.gnss.bias_time": 2.0})
     white = over_seeds(0, 1, **{"sensors.gnss.white": 0.05})
     assert abs(correlation(white, 1)) < 0.15
@@ -128,9 +128,7 @@ def test_only_robots_have_receivers_and_each_knows_its_accuracy():
 
 
 def test_a_bar_measures_without_errors():
-    """A robot sees its bin as far from itself as it is; the bin, which has no receiver, sees the
-    truth.
-    """
+    """A robot sees its bin as far away as it is. The bin has no receiver, and sees the truth."""
     world, scans = world_of(erring(**RTK))
     truth = observe(world, scans)
     seen = Sensors(world).measured(truth)
@@ -142,10 +140,10 @@ def test_a_bar_measures_without_errors():
 
 
 def test_odometry_drifts_by_its_constants():
-    """Odometry drifts by its constants and stands while the robot stands.
+    """While the robot stands, its odometry stands.
 
-    A robot that drives 50 m straight on: its odometry is longer or shorter by a share, and bends
-    by an angle for each metre.
+    A robot drives 50 m straight on: its odometry is longer or shorter by a share, and bends by an
+    angle for each metre.
     """
     world, scans = world_of(
         erring(**{"sensors.odometry.distance": 0.02, "sensors.odometry.heading": 0.001})
@@ -240,7 +238,7 @@ def test_a_driving_robot_filters_errors_by_odometry():
 
 
 def test_a_robot_learns_by_which_share_its_odometry_is_wrong():
-    """Else its estimate would be 0.27 m wrong at 1 m/s, and it would pass gates."""
+    """Without that its estimate would be 0.27 m wrong at 1 m/s, and it would pass gates."""
     chance = np.random.default_rng(1)
     place = None
     for tick in range(200):
@@ -280,7 +278,7 @@ LIMITS = [
 
 @pytest.mark.parametrize("changes", LIMITS)
 def test_a_harvest_finishes_with_odometry_at_its_limits(changes):
-    """Carriers passed gates without their places, and one turned into a bin again and again."""
+    """Carriers once passed gates without their places, and one turned into a bin again and again."""
     sensors = {
         "gnss": {"white": 0.02, "bias": 0.02},
         "odometry": {"distance": 0.1, "heading": 0.05},

@@ -58,7 +58,7 @@ def test_a_run_resumed_at_any_ticks_has_the_same_hash(ticks):
 
 
 def test_a_run_that_goes_on_has_the_figures_of_one_run():
-    """Its summary, with its course over time, is that of a run without interruption."""
+    """Its summary, with its history, is that of a run without interruption."""
     run = WatchedRun(local_at(10).snapshot())
     run.go_on(450)
     resumed = WatchedRun(unpack(pack(run.snapshot()), Snapshot))
@@ -161,7 +161,7 @@ def test_a_bad_snapshot_is_refused_for_the_one_before(written, damage, why):
 
 @pytest.mark.parametrize("tick", [9, 11, 99])
 def test_a_snapshot_under_the_name_of_another_tick_is_refused(tick, tmp_path):
-    """Else a run or a fork would go on from a moment that nobody has asked for."""
+    """A run or a fork would go on from another moment than the one that was asked for."""
     name, content = as_file(local_at(10).snapshot())
     renamed = tmp_path / name.replace("000000010", f"{tick:09d}")
     for path in (renamed, renamed.with_suffix(KEYFRAME)):

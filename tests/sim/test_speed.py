@@ -62,7 +62,7 @@ def plain_ranges(world: World, i: int) -> np.ndarray:
 
 
 def best(measure: Callable[[], float], good: float) -> float:
-    """Return the least of a few measurements. Stop at the first that is good."""
+    """Measure a few times. Return the least, or the first result that is good."""
     found = np.inf
     for _ in range(TRIES):
         found = min(found, measure())
@@ -73,10 +73,7 @@ def best(measure: Callable[[], float], good: float) -> float:
 
 @pytest.mark.parametrize("robots", [300, 1000])
 def test_a_step_costs_no_more_in_a_crowd(robots):
-    """A robot's step costs as much in a crowd as in a small field.
-
-    If every body is compared with every other, it costs 10 or 30 times as much.
-    """
+    """If each body were compared with each other one, it would cost 10 or 30 times as much."""
     assert best(lambda: robot_step(robots) / robot_step(30), 2.0) <= 2.0
 
 

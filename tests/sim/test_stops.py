@@ -91,7 +91,7 @@ def test_a_word_that_means_no_robot_stops_nobody(driven, word):
 
 
 def test_who_is_stopped_is_not_stopped_again(driven):
-    """A stopped robot is not stopped again, and a reset of others does not concern it."""
+    """A reset of other robots does not concern it."""
     engine = driven.local.engine
     engine.stop(["picker"])
     assert engine.stop(["picker_01"]) == []
@@ -100,7 +100,6 @@ def test_who_is_stopped_is_not_stopped_again(driven):
 
 
 def test_a_stop_during_coupling_ends_well():
-    """A stop in the middle of coupling ends well when it is reset."""
     stage = Stage(empty_orchard(dispatch=NEAREST))
     stage.run_until(lambda: bool(stage.happened("uncoupled", "carrier_01")), 300)
     offered = stage.happened("uncoupled", "carrier_01")[0].whom
@@ -121,7 +120,7 @@ def test_a_stop_during_coupling_ends_well():
 
 
 def test_a_long_stop_is_no_jam_and_a_jam_comes_back(soon_jammed):
-    """An orchard that is stopped for long is not jammed and one that was is again."""
+    """A jam from before the stop is one again after the reset."""
     stage = Stage(empty_orchard(), **{name: Standing() for name in ("carrier_01", "carrier_02")})
     stage.run(100)
     stage.local.engine.stop()

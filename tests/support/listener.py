@@ -12,9 +12,9 @@ from fleet import Client
 
 def main(endpoint: str, key: str) -> None:
     with Client.open(endpoint, "") as client:
-        messages = client.hear(key)
+        heard = client.hear(key)
         while True:
-            print(json.dumps(messages.get(), default=lambda value: None), flush=True)
+            print(json.dumps(heard.get(), default=lambda value: None), flush=True)
 
 
 if __name__ == "__main__":

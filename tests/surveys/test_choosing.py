@@ -108,7 +108,7 @@ def test_equal_rows_that_cannot_be_are_not_offered(tmp_path):
 
 
 def test_rows_with_names_alike_at_first_are_told_apart(tmp_path):
-    """A name has at most 60 characters: longer ones that begin alike get a number."""
+    """A name has at most 60 characters, so longer ones that begin alike get a number."""
     features = []
     for i in range(4):
         name = f"{'block of kiwifruit at the river, ' * 3}row {i + 1}"

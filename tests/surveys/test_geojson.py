@@ -47,7 +47,7 @@ def import_rows(path: Path, crs: str | None = None) -> Scenario:
 
 
 def lines_of(drawn: list[Row] | tuple[Row, ...]) -> dict[str, list[complex]]:
-    """The lines of rows by id, every second one from east to west, as a surveyor walks."""
+    """Return the lines of rows by id, every second one from east to west, as a surveyor walks."""
     return {
         f"r{number}": points_of(row)[:: 1 if number % 2 else -1]
         for number, row in enumerate(drawn, start=1)
@@ -187,7 +187,7 @@ def test_lines_that_go_there_and_back_are_rows(file: Path):
     "name", ["1e3", "12E4", "1.5e3", "010", "on", "null", "0x1F", "2001-01-01", "a: b # c"]
 )
 def test_an_odd_name_stays_the_name_in_the_scenario_file(name: str, file: Path):
-    """A name that looks like something else stays the name in the scenario file."""
+    """In YAML such a name looks like a number, a date or a list."""
     lines = lines_of(UNEQUAL)
     scenario = import_rows(
         write_geojson(file, {name if old == "r1" else old: points for old, points in lines.items()})

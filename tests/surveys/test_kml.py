@@ -12,7 +12,7 @@ HEAD = '<?xml version="1.0" encoding="UTF-8"?>'
 
 
 def line(number: int, west: float = 0.0) -> str:
-    """A row of 97 m, 6 m south of the one before it."""
+    """Return a row of 97 m, 6 m south of the one before it."""
     north = -37.79 - 0.000054 * number
     begin = f"{176.325 + west},{north},12"
     points = f" {begin} {176.3261 + west},{north},12 "
@@ -98,7 +98,7 @@ def test_what_is_no_kml_of_rows_is_told(tmp_path, text: str, words: str):
 
 
 def test_an_outline_with_a_hole_is_refused(tmp_path):
-    """Rows would go through."""
+    """The rows would lead through the hole."""
     ring = "<LinearRing><coordinates>{}</coordinates></LinearRing>"
     outer = ring.format("176.32,-37.79 176.33,-37.79 176.33,-37.8 176.32,-37.8 176.32,-37.79")
     inner = ring.format("176.324,-37.794 176.326,-37.794 176.326,-37.796 176.324,-37.794")

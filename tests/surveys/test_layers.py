@@ -88,7 +88,7 @@ def test_the_extra_is_told_where_it_is_missing(tmp_path, monkeypatch, package: s
 
 @pytest.mark.parametrize("ending", ["gpkg", "shp"])
 def test_an_outline_with_a_hole_is_refused(tmp_path, ending: str):
-    """Rows would go through."""
+    """The rows would lead through the hole."""
     corners = (0j, 120 + 0j, 120 - 50j, -50j, 0j)
     hole = (30 - 20j, 40 - 20j, 40 - 30j, 30 - 20j)
     rings = [[pair(corner) for corner in ring] for ring in (corners, hole)]

@@ -114,7 +114,7 @@ HOLE = [pair(corner) for corner in (30 - 20j, 40 - 20j, 40 - 30j, 30 - 30j, 30 -
 
 
 def test_an_outline_with_a_hole_is_refused(tmp_path):
-    """Rows would go through. A shed with a yard is left out as before."""
+    """The rows would lead through the hole. A shed with a yard is left out as before."""
     outline = [*box(0.0, -50.0, 120.0, 0.0), HOLE]
     several = [[*box(0.0, -50.0, 120.0, 0.0), HOLE, HOLE]]
     for kind, rings, holes in (("Polygon", outline, "a hole"), ("MultiPolygon", several, "2 hole")):

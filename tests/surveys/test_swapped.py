@@ -20,7 +20,7 @@ def swapped(features: list[dict]) -> list[dict]:
 
 
 def rows_at(longitude: float, latitude: float) -> list[dict]:
-    """Rows somewhere on the earth, in longitude and latitude."""
+    """Return rows somewhere on the earth, in longitude and latitude."""
     features = straight_rows()
     middle = features[2]["geometry"]["coordinates"][0]
     degree = 111_000.0
@@ -82,7 +82,7 @@ def test_places_of_orchards_are_not_asked_about(tmp_path, place):
 
 
 def test_rows_that_fit_with_swapped_coordinates_are_told(tmp_path):
-    """In Finland rows 3.8 m apart; swapped, they lie in Oman, 3.5 m apart."""
+    """These rows lie in Finland, 3.8 m apart; swapped, they lie in Oman, 3.5 m apart."""
     features = []
     for i in range(5):
         latitude = 60.0 + i * 3.8 / 111_412.0

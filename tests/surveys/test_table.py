@@ -12,7 +12,7 @@ pytest.importorskip("pyproj", reason="pyproj is missing: pip install 'orchard-si
 
 
 def ends(count: int = 4) -> list[tuple[str, float, float]]:
-    """Both ends of rows that run north, 6 m apart and 60 m long: name, easting, northing."""
+    """Return both ends of rows that run north, 6 m apart and 60 m long: name, easting, northing."""
     result = []
     for i in range(count):
         result += [

@@ -18,7 +18,7 @@ pytest.importorskip("pyproj", reason="pyproj is missing: pip install 'orchard-si
 def trees(
     lines: int, spacing: float, pitch: float, count: int, yaw: float, chance: random.Random
 ) -> list[dict]:
-    """Points of trees, a tenth of them missing, 5 cm off their places, in no order."""
+    """Return points of trees in no order, a tenth missing, 5 cm off their places."""
     features = []
     for i in range(lines):
         for j in range(count):

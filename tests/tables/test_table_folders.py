@@ -84,7 +84,7 @@ def test_a_folder_that_can_only_be_read_is_told_in_words(tmp_path, monkeypatch, 
 
 
 def test_tables_that_do_not_fit_a_resumed_run_are_refused(tmp_path):
-    """Tables of another run or with missing rows are refused when a run is resumed."""
+    """They are of another run, or rows are missing."""
     run(Local(SMALL), tmp_path, 5).close()
     check_folder(tmp_path, SMALL, 5)
     with pytest.raises(

@@ -40,9 +40,9 @@ RECKONED = ("odometry_x", "odometry_y", "odometry_yaw")
 
 @dataclass(frozen=True)
 class Harvested:
-    """A run that has written tables: the run, and what happened in it.
+    """A run that has written tables, and what happened in it.
 
-    `letters`: the type of each. `poses`, `twists`: (ticks, bodies, 3).
+    `letters`: the type of each message between agents. `poses`, `twists`: (ticks, bodies, 3).
     """
 
     folder: Path
@@ -56,7 +56,7 @@ class Harvested:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """The tables of a run of some exchanges, and what happened in it."""
+    """Run through some exchanges. Return its tables, and what happened in it."""
     local = Local(Scenario(rows=3))
     folder = tmp_path_factory.mktemp("tables")
     tables = Tables(folder, local.engine)
@@ -103,7 +103,7 @@ def test_each_body_has_a_row_a_tick_with_the_worlds_bits(whole):
 
 
 def test_measured_poses_have_the_bits_that_agents_observe(tmp_path):
-    """Each measured pose differs from the true one, too: sensors err in this run."""
+    """Sensors err in this run, so each measured pose differs from the true one."""
     local = Local(ERRING)
     # x, y of each body. Agents observe the poses at the begin of a step; a row has those at its
     # end, which are the next step's.
@@ -143,7 +143,7 @@ def robots_of(local) -> list[int]:
 
 
 def stored_poses(folder, columns: tuple[str, ...], bodies: list[int]) -> np.ndarray:
-    """The columns of these bodies, tick after tick."""
+    """Return the columns of these bodies, tick after tick."""
     table = pq.read_table(folder / "bodies.parquet")
     stored = np.stack([table[name].to_numpy() for name in columns], axis=1)
     return stored.reshape(TICKS, -1, len(columns))[:, bodies].reshape(-1, len(columns))
@@ -199,7 +199,7 @@ def test_the_events_and_the_messages_are_those_of_the_run(whole):
 
 
 def test_an_exchange_lasts_for_the_wait_and_the_drive_before(whole):
-    """The wait is the summary's, which counts from the picker's coming to its row's end on."""
+    """The wait is that of the summary, which counts from when the picker comes to its row's end."""
     found = rows_of(whole.folder, "exchanges")
     supplied = sorted(
         (row for row in found if row["supplied"] is not None), key=lambda row: row["supplied"]
@@ -324,7 +324,7 @@ def test_a_run_that_ends_before_its_first_tick_has_empty_tables(tmp_path):
 
 
 def test_a_stopped_robot_is_stopped_in_the_rows(tmp_path):
-    """After the reset its rows are again as before the stop."""
+    """After the reset its rows are as before the stop."""
     stopped_at = 3
     local = Local(SMALL)
     tables = run(local, tmp_path, stopped_at)

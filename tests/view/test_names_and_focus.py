@@ -26,7 +26,7 @@ from orchard.view.talk import gathered, level_of, line_of
     [({"rows": 20, "pickers": 20}, 35), ({"rows": 100, "pickers": 50, "carriers": 100}, 65)],
 )
 def test_no_name_on_the_plan_covers_another(size: dict, named: int, tmp_path: Path) -> None:
-    """No name on the plan covers another where there is no room it is left out."""
+    """Where there is no room, a name is left out."""
     layout = lay_out(Scenario(**size))
     path = recording_of(tmp_path / "large.rrd", layout, [Frame(0, starts(layout))])
     ((_, points),) = Rows(path, "/plan/names").values("Points3D:positions")
@@ -165,7 +165,7 @@ BYTE = 5121
 
 
 def vertices(name: str) -> tuple[np.ndarray, np.ndarray]:
-    """The positions, (v, 3) m, and the colours, (v, 3) up to 255, of a model's only mesh."""
+    """Return the positions, (v, 3) m, and colours, (v, 3) up to 255, of a model's only mesh."""
     data = (MODELS / f"{name}.glb").read_bytes()
     begin = 20 + int.from_bytes(data[12:16], "little")
     scene = json.loads(data[20:begin])

@@ -65,7 +65,7 @@ def test_what_is_missing_is_read_from_the_parts(tmp_path):
 
 
 def test_every_tick_counts_when_pictures_are_left_out(tmp_path):
-    """No picture falls on a whole second, and yet the file is written as it goes on."""
+    """No picture falls on a whole second, and yet the file is written as the run goes on."""
     path = tmp_path / "run.rrd"
     recorder = Recorder(LAYOUT, "a", path)
     for frame in course(range(3, 600, 7)):
@@ -77,7 +77,7 @@ def test_every_tick_counts_when_pictures_are_left_out(tmp_path):
 
 
 def test_a_further_part_shows_what_has_gone_in_the_gap(tmp_path):
-    """A weed, a bar, the fruit of a row: the part before says that they are there."""
+    """In the part before there are a weed, a bar, and the fruit of a row."""
     path = tmp_path / "run.rrd"
     poses = starts(LAYOUT)
     weed = LAYOUT.index["weed_01"]

@@ -33,7 +33,7 @@ WINDOW = (1000, 640)  # pixels
 
 
 def why_no_renderer() -> str:
-    """What the headless viewer lacks here, or ''."""
+    """Return what the headless viewer lacks here, or ''."""
     if not glob.glob("/usr/share/vulkan/icd.d/*.json") + glob.glob("/etc/vulkan/icd.d/*.json"):
         return "no Vulkan driver: apt-get install the list in .ci/apt-packages.txt"
     missing = [
@@ -55,7 +55,7 @@ def viewer(recording: Path) -> Iterator[ViewerClient]:
 
 
 def picture(client: ViewerClient, seconds: float, view: str) -> np.ndarray:
-    """(height, width, 3) of a view at a time."""
+    """Return a view at a time, (height, width, 3)."""
     return np.array(at(client, seconds, view)).astype(float)
 
 
@@ -103,7 +103,7 @@ class TestInTheViewer:
 
 
 def on_the_plan(plan: np.ndarray, layout: Layout, x: float, y: float) -> tuple[int, int]:
-    """Column and row of a place: the plan fits into the view, centred."""
+    """Return column and row of a place. The plan fits into the view, centred."""
     high, wide = plan_size(layout)
     rows, columns = plan.shape[:2]
     scale = min(rows / high, columns / wide)
@@ -121,8 +121,9 @@ NEAR = (
 
 @pytest.fixture
 def address(tmp_path: Path) -> Iterator[str]:
-    """A recording of two parts whose pickers pick in the one, and call in the other; `orchard view`
-    serves it, and prints this address.
+    """Record two parts, and let `orchard view` serve them. Return the address that it prints.
+
+    Pickers pick in the first part, and call in the second.
     """
     skip_without_packages()
     layout = lay_out(Scenario(rows=3))
@@ -146,7 +147,7 @@ def address(tmp_path: Path) -> Iterator[str]:
 
 
 def pixels(browser, colour: tuple[int, int, int]) -> int:
-    """How many pixels of the first view, which follows the work, have about this colour."""
+    """Return how many pixels of the first view, which follows the work, have about this colour."""
     picture = np.array(
         Image.open(io.BytesIO(browser.driver.get_screenshot_as_png())).convert("RGB")
     ).astype(int)

@@ -201,7 +201,7 @@ def test_a_bin_fills_and_its_bar_comes_and_goes(layout: Layout, tmp_path: Path) 
 
 
 def boxes_at(path: Path, entity: str) -> list[tuple[float, int]]:
-    """Return how many boxes an entity of the load-out shows from when on, s."""
+    """Return how many boxes an entity of the load-out shows, from when on, s."""
     rows = Rows(path, f"/world/load_out/{entity}").values("Boxes3D:half_sizes")
     return [(seconds, len(boxes)) for seconds, boxes in rows]
 

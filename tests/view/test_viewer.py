@@ -31,7 +31,7 @@ if "-o" in words:
 
 @pytest.fixture
 def stand_in(tmp_path, monkeypatch) -> Path:
-    """A program that only writes down what it is told, and a screen."""
+    """Make a program that only writes down its arguments, and a screen."""
     program = tmp_path / "viewer"
     program.write_text(STAND_IN)
     program.chmod(0o755)
@@ -154,7 +154,7 @@ ASKED = [
 
 @pytest.mark.parametrize(("path", "headers", "answers"), ASKED)
 def test_a_recording_is_read_on_this_machine_only(stand_in, tmp_path, path, headers, answers):
-    """A recording is read whole on this machine only and nothing beside it."""
+    """It is read whole, and nothing beside it is."""
     stand_in.write_text(f"#!{sys.executable}\nimport time\ntime.sleep({PATIENCE})\n")
     for name in ("a run.rrd", "a run.part2.rrd", "other.rrd"):
         (tmp_path / name).write_text(name)
@@ -171,7 +171,7 @@ def test_a_recording_is_read_on_this_machine_only(stand_in, tmp_path, path, head
 
 
 def test_a_recording_is_served_over_ssh_too(stand_in, monkeypatch, tmp_path):
-    """A recording beside the user is served over SSH too and a server that fails is named."""
+    """A server that fails is named."""
     monkeypatch.setenv("SSH_CONNECTION", "192.0.2.1 50000 192.0.2.2 22")
     monkeypatch.delenv("DISPLAY")
     port = free_pair()

@@ -53,7 +53,7 @@ ASKED = ("scenario", "join", "recall", "stop", "mail", "state", "layout", *CONTR
 
 
 def impossible(what: str, tick: int, host: str = HOST):
-    """(payload, how many refusals): well-formed messages of this run that cannot be."""
+    """Return well-formed messages of this run that cannot be: payload, and number of refusals."""
     drive = {"linear": {"x": 0.7}, "angular": {"z": 0.1}}
     one = {"run": RUN, **drive}
     many = {
@@ -117,9 +117,7 @@ def impossible(what: str, tick: int, host: str = HOST):
 
 
 class Thrower:
-    """Throws at a run while it goes on, at each tick some, and knows how many of them must be
-    refused.
-    """
+    """Throws some bad messages at a run at each tick, and knows how many must be refused."""
 
     def __init__(self, run: Run, messages, count: int) -> None:
         self.run = run
@@ -170,7 +168,7 @@ class Thrower:
             self.replies.append(item)
 
     def throw_tokens(self, number: int) -> None:
-        """Names that are not there; tokens and keys that stand for many."""
+        """Declare tokens of names that do not exist, and tokens and keys that stand for many."""
         bus = self.run.physics.bus
         for key in (
             f"orchard/alive/nobody_{number}/x",
@@ -195,7 +193,6 @@ class Thrower:
 
 
 def test_a_rain_of_bad_messages_changes_no_bit(other, caplog):
-    """A run under a rain of bad messages is the same to the last bit."""
     caplog.set_level(logging.WARNING)
     run = Run(SMALL, RUN, TICKS)
     thrower = Thrower(run, other, 40_000)
@@ -329,11 +326,9 @@ def test_a_query_with_wildcards_moves_nothing(fleet):
 
 
 def test_a_payload_that_ends_with_others_is_refused(other):
-    """A payload that ends with other messages is refused unless only its last value is torn.
+    """Zenoh delivers such payloads when it closes a full link.
 
-    Zenoh delivers such payloads when it closes a full link.
-
-    What agents are shown, and what they answer, is never one of them.
+    Only a torn last value may pass, and what agents are shown and what they answer never ends so.
     """
     chance = Random(1)
     least = {"seen": 1, "velocities": 1, "velocity": 1, "scan": 241}

@@ -74,7 +74,7 @@ def rows() -> Iterator[Row]:
 
 @pytest.fixture
 def used(monkeypatch):
-    """(how, key, process) of all that the sessions of the simulated network do."""
+    """Return (how, key, process) of all that the sessions of the simulated network do."""
     found = set()
 
     def note(method: str) -> None:
@@ -135,7 +135,7 @@ def test_the_reply_to_layout_has_the_rows_of_each_picker():
 
 
 def test_an_exchange_has_the_order_that_keyspace_tells():
-    """`here`, then couple, then `claim` beside the carrier, then `yes`: at each end of each row."""
+    """At each end of each row: `here`, couple, `claim` beside the carrier, and then `yes`."""
     local = Local(SMALL)
     said = []
     while len([what for what, _ in said if what == "yes"]) < SMALL.rows:
@@ -157,7 +157,7 @@ def test_an_exchange_has_the_order_that_keyspace_tells():
 
 
 def _words_of(sender, written):
-    """(what, picker) of the messages of an exchange."""
+    """Return (kind, picker) of the messages of an exchange."""
     for to, body in written.sent:
         if isinstance(body, Here):
             yield "here", to

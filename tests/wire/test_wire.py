@@ -64,7 +64,7 @@ def same_scan(one, other):
 
 
 def sights_of(observations):
-    """What several bodies see at one tick, as physics puts it together."""
+    """Return what several bodies see at one tick, as physics puts it together."""
     states = np.array([(seen.x, seen.y, *seen.orientation, *seen.twist) for seen in observations])
     hitches = {seen.name: seen.hitch for seen in observations if seen.hitch}
     fills = {seen.name: seen.fill for seen in observations if seen.fill}

@@ -251,7 +251,10 @@ def with_trailers(count: int, bins: int, **values: Any) -> Layout:
 
 
 def test_a_carrier_waits_while_no_trailer_stands_at_the_bay() -> None:
-    """There is one trailer for one bin. It is away after each bin, so three carriers wait for it."""
+    """There is one trailer, for one bin.
+
+    It is away after each bin, so three of the four carriers wait for it.
+    """
     layout = with_trailers(1, 1)
     times = unloadings(layout)
     assert len(times) == 4

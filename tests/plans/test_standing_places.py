@@ -134,7 +134,7 @@ def is_before(of_picker: Area, of_job: Area) -> bool:
 
 
 def follows(drive: Area, stand: Area) -> bool:
-    """Whether the other carrier stands straight ahead on the same road, or round the next corner."""
+    """Whether the other carrier is ahead on the same road, straight on or round the next corner."""
     has_headings = bool(stand.heading) and bool(drive.heading)
     if not has_headings or is_of_picker(drive) or is_of_picker(stand):
         return False

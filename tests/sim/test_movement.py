@@ -46,8 +46,9 @@ def test_40_ticks_of_an_eighth_turn_a_second_are_90_degrees():
 @example(1.0, 0.0, 1e-300, 0.5)
 @example(1.0, 0.0, 5e-324, 0.5)
 def test_a_step_follows_its_arc(forward, left, turn, yaw):
-    """The closed form is compared where it is well conditioned, else a thousand short straight
-    steps.
+    """It is compared with the closed form where that is well conditioned.
+
+    Else it is compared with a thousand short straight steps.
     """
     x, y, end = move.arc(2.0, -1.0, yaw, forward, left, turn, 0.1)
     if abs(turn) > 1e-3:

@@ -128,7 +128,10 @@ def test_only_robots_have_receivers_and_each_knows_its_accuracy():
 
 
 def test_a_bar_measures_without_errors():
-    """A robot sees its bin as far away as it is. The bin has no receiver, and sees the truth."""
+    """A robot sees its bin as far away as it is.
+
+    The bin has no receiver, and sees the truth.
+    """
     world, scans = world_of(erring(**RTK))
     truth = observe(world, scans)
     seen = Sensors(world).measured(truth)
@@ -238,7 +241,10 @@ def test_a_driving_robot_filters_errors_by_odometry():
 
 
 def test_a_robot_learns_by_which_share_its_odometry_is_wrong():
-    """Without that its estimate would be 0.27 m wrong at 1 m/s, and it would pass gates."""
+    """Without that its estimate would be 0.27 m wrong at 1 m/s.
+
+    The robot would then pass gates.
+    """
     chance = np.random.default_rng(1)
     place = None
     for tick in range(200):

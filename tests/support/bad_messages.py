@@ -38,7 +38,7 @@ def refusal_of(payload: bytes, type_: type, run: str) -> str:
 def bad_messages(messages, what: str, count: int, seed: int) -> Iterator[tuple[str, bytes]]:
     """Yield (key, payload) of `count` bad messages of a kind.
 
-    They are mutants of each recorded message in turn: as it is, which is of another run, and
+    They are mutants of each recorded message in turn: once as it is, of another run, and once
     rewritten as one of RUN.
     """
     chance = random.Random(f"{what} {seed}")

@@ -29,7 +29,7 @@ class Yard:
     events: list = field(default_factory=list)
 
     def drive(self, ticks: int = 1, deeds: list[tuple[str, Deed]] = (), **twists: Twist) -> list:
-        """Drive the named bodies for some ticks, with the deeds at the first.
+        """Drive the named bodies for some ticks, with the deeds at the first one.
 
         All other bodies stand. Return the events.
         """
@@ -91,7 +91,7 @@ def train(**kwargs) -> dict[str, Twist]:
 
 
 def overlapping(world: World) -> list[tuple[str, str]]:
-    """Return the pairs of things that overlap; the name of a wall is its number."""
+    """Return the pairs of things that overlap. The name of a wall is its number."""
     boxes = world.fixed.shapes.copy()
     place(world.pose, boxes)
     things = np.vstack([boxes, world.fixed.walls])
@@ -102,12 +102,14 @@ def overlapping(world: World) -> list[tuple[str, str]]:
 
 
 def overlapping_starts(layout: Layout) -> list[tuple[str, str]]:
-    """Return the pairs that overlap at the begin and should not: people and animals may stand on
-    weeds.
+    """Return the pairs that overlap at the start and should not.
+
+    People and animals may stand on weeds.
     """
     pairs = [(pair, {name.split("_")[0] for name in pair}) for pair in overlapping(World(layout))]
     return [pair for pair, kinds in pairs if "weed" not in kinds or not kinds & {*PEOPLE, *ANIMALS}]
 
 
 def everybody() -> Yard:
+    """Return a scenario with bodies of each kind."""
     return Yard(World(lay_out(Scenario(rows=3))))

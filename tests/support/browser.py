@@ -84,8 +84,9 @@ class Browser:
             time.sleep(min(0.5, 0.05 + waited / 5))
 
     def begin(self, address: str) -> None:
-        """Have the default orchard on the page that is open, as a user sets it, or on a new one:
-        pictures and dialogs do not stay.
+        """Set the default orchard as a user does, on the page that is open or on a new one.
+
+        A new one is opened where a dialog is open, or another page is.
         """
         is_open = self.driver.current_url == f"{address}/"
         if is_open and not self.driver.find_elements(By.CSS_SELECTOR, ".q-dialog"):
@@ -131,6 +132,7 @@ class Browser:
         )
 
     def _is_default(self) -> bool:
+        """Whether the form has the values of the default orchard."""
         fields = {"rows": "5", "pickers": "2", "seed": "1", "weeds": "10"}
         look = "return arguments[0].map(it => document.querySelector(`[data-field=${it}]`)?.value)"
         is_right = not self.driver.find_elements(By.CSS_SELECTOR, ".field.wrong")
@@ -141,6 +143,7 @@ class Browser:
         )
 
     def one(self, css: str) -> WebElement:
+        """Return the first element of a CSS selector, as soon as there is one."""
         return self.wait_until(
             lambda: next(iter(self.driver.find_elements(By.CSS_SELECTOR, css)), None),
             f"{css} is on the page",
@@ -155,13 +158,16 @@ class Browser:
             self.click(button)
 
     def view(self, name: str) -> WebElement:
+        """Return a part of the page by its name for tests."""
         return self.one(f"[data-view={name}]")
 
     def field(self, path: str) -> WebElement:
+        """Return a field by its path in the scenario."""
         return self.one(f"[data-field='{path}']")
 
     @fresh
     def click(self, css: str) -> None:
+        """Click on an element as soon as that is possible."""
         self.wait_until(lambda: self._clicked(css), f"{css} can be clicked")
 
     def _clicked(self, css: str) -> bool:
@@ -169,9 +175,9 @@ class Browser:
 
     @staticmethod
     def _pressed(element: WebElement) -> bool:
-        """Whether it could be clicked: not while the page is laying itself out.
+        """Click on an element. Return whether it could be clicked: not while the page moves.
 
-        Where the header, which stays on top, is in the way, it scrolls as a person does.
+        Where the header is in the way, which stays on top, it scrolls as a person does.
         """
         if not element.is_displayed() or not element.is_enabled():
             return False
@@ -186,12 +192,13 @@ class Browser:
 
     @fresh
     def switch(self, path: str, on: bool) -> None:
-        """A switch or a check box, whatever it was before."""
+        """Turn a switch or a check box on or off, whatever it was before."""
         if self.field(path).get_attribute("aria-checked") != str(on).lower():
             self.click(f"[data-field='{path}']")
 
     @fresh
     def choose(self, path: str, words: str) -> None:
+        """Press the button with these words in a group."""
         self.wait_until(lambda: self._pressed(self._button(path, words)), f"{words} can be chosen")
 
     def _button(self, path: str, words: str) -> WebElement:
@@ -203,10 +210,11 @@ class Browser:
 
     @fresh
     def pick(self, path: str, words: str) -> None:
+        """Pick an entry of a menu."""
         self.wait_until(lambda: self._picked(path, words), f"{words} can be picked")
 
     def _picked(self, path: str, words: str) -> bool:
-        """Whether it could be picked.
+        """Pick an entry. Return whether it could be picked.
 
         While no menu is open, the field is clicked: the page may have moved under the click before.
         """
@@ -216,9 +224,11 @@ class Browser:
         return any(self._pressed(name) for name in offered if name.text == words)
 
     def escape(self) -> None:
+        """Close a menu by its key."""
         self.one("body").send_keys(Keys.ESCAPE)
 
     def turn_to(self, view: str) -> None:
+        """Show a view of the stage, such as Plan or Runs."""
         self.choose("stage", view)
 
     def unchoose_runs(self) -> None:
@@ -234,6 +244,7 @@ class Browser:
         return chosen
 
     def press(self, action: str) -> None:
+        """Click on the button of an action."""
         self.click(f"[data-action={action}]")
 
     def open_file(self, file: Path, text: str) -> None:
@@ -262,14 +273,19 @@ class Browser:
 
     @fresh
     def problem(self, path: str) -> str:
+        """Return what the page says is wrong with a field, '' if nothing is."""
         return self.one(f"[data-problem='{path}']").text
 
     @fresh
     def figure(self, name: str) -> str:
+        """Return the value of a figure."""
         return self.one(f"[data-figure='{name}'] .tile-value").text
 
     def tree_lines(self) -> int:
-        """Lines of trees in the plan: the heights at which trees are drawn."""
+        """Return the number of lines of trees in the plan.
+
+        It counts the heights at which trees are drawn.
+        """
         trees = "[data-view=plan] rect[width='66.0'][height='12.0'][style^='fill:#7fae5d']"
         look = (
             "return new Set([...document.querySelectorAll(arguments[0])].map(it =>"
@@ -279,7 +295,7 @@ class Browser:
 
     @contextmanager
     def frozen(self) -> Iterator[None]:
-        """Within this the page is too busy to hear or to say anything."""
+        """Keep the page too busy to hear or say anything within this context."""
         all_of_it = psutil.Process(self.driver.service.process.pid).children(recursive=True)
         pages = [process for process in all_of_it if "--type=renderer" in process.cmdline()]
         for page in pages:

@@ -27,9 +27,7 @@ class Counted(msgspec.Struct):
 
 
 class Caller:
-    """Asks two agents at every tick, answers two of three requests, and drives by all that it
-    heard.
-    """
+    """Asks two agents at every tick, answers two of three requests, and drives by what it heard."""
 
     Memory = Counted
 
@@ -69,6 +67,7 @@ class Caller:
 
 
 def cast(layout: Layout, names: object = None) -> dict[str, Caller]:
+    """Make a caller for each agent of a layout, or for these names."""
     everybody = sorted(layout.agents)
     return {name: Caller(name, everybody) for name in everybody}
 

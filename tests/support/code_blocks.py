@@ -22,7 +22,7 @@ class Block(NamedTuple):
 
 
 def blocks(text: str) -> list[Block]:
-    """All blocks of a Markdown text."""
+    """Return all blocks of a Markdown text."""
     return [Block(*found) for found in re.findall(r"^```(\w+) ?(.*)\n((?:.*\n)*?)```$", text, re.M)]
 
 
@@ -31,18 +31,18 @@ def blocks_in(document: str) -> list[Block]:
 
 
 def block(document: str, name: str) -> str:
-    """The text of the one block of this name."""
+    """Return the text of the only block of this name."""
     (text,) = (block.text for block in blocks_in(document) if block.name == name)
     return text
 
 
 def commands(text: str) -> list[list[str]]:
-    """The commands of a block, for this clone and this environment."""
+    """Return the commands of a block, for this clone and this environment."""
     return [as_here(line) for line in text.splitlines() if not line.startswith("#")]
 
 
 def as_here(line: str) -> list[str]:
-    """A command of a document, for this clone and this environment: `orchard` is run.py."""
+    """Return a command of a document for this clone, where `orchard` is run.py."""
     program, *words = shlex.split(line)
     assert program == "orchard", f"another spelling: {line}"
     return [sys.executable, str(ROOT / "run.py"), *words]

@@ -22,9 +22,10 @@ PATH = os.pathsep.join(PATHS)  # where own agents and policies of the tests are 
 def orchard(
     *arguments: object, code: int | None = 0, seconds: float = PATIENCE, folder: Path = ROOT
 ) -> subprocess.CompletedProcess:
-    """Run it in a folder to its end, which has this exit code; None: any. It forks, too.
+    """Run `orchard` in a folder to its end, which must have this exit code; None: any.
 
-    What a user gets wrong, code 2, ends without a traceback.
+    The processes that it starts are forked, too. Code 2 is a user's mistake, and must end without a
+    traceback.
     """
     words = [*map(str, arguments)]
     process = Forked(
@@ -39,7 +40,7 @@ def orchard(
 def python(
     *words: object, code: int = 0, cwd: Path = ROOT, seconds: float = PATIENCE, **environment: str
 ) -> subprocess.CompletedProcess:
-    """Run a Python program of its own to its end, which has this exit code."""
+    """Run a Python program to its end, which must have this exit code."""
     there = os.environ | {"COLUMNS": "200"} | environment
     done = subprocess.run(
         [sys.executable, *map(str, words)],
@@ -60,8 +61,9 @@ def scenario_file(folder: Path, scenario: Scenario) -> Path:
 
 
 def line_with(words: str, process: subprocess.Popen | Forked) -> str:
-    """The first line of what it prints that has these words; it says other things before, as that
-    it compiles.
+    """Return the first line of a process that has these words.
+
+    It prints other lines before, such as that it compiles.
     """
     said = []
     for line in process.stdout:
@@ -97,7 +99,7 @@ def starting(*arguments: object):
 
 
 def wait_until_simulated(run: subprocess.Popen | Forked, seconds: float) -> None:
-    """Read its lines of progress until so much time has been simulated."""
+    """Read lines of progress until so much time has been simulated."""
     assert any(float(line.split()[0]) >= seconds for line in run.stdout if "real time" in line)
 
 

@@ -15,7 +15,7 @@ POLICIES = ("nearest", "predictive", "rolling", "assignment")
 
 
 def drawn_machines(seed: int, count: int) -> Iterator[Layout]:
-    """Yield so many layouts. What cannot be built is drawn again."""
+    """Yield so many layouts. Values that cannot be built together are drawn again."""
     chances = Random(f"machines {seed}")
     return laid_out(lambda: _orchard(chances) | drawn_values(chances), count)
 
@@ -56,6 +56,6 @@ def drawn_values(chances: Random) -> dict[str, Any]:
 
 
 def _often_fastest(chances: Random, slowest: float, fastest: float) -> float:
-    """Return a value between two limits: that of the upper one in one of four draws."""
+    """Return a value between two limits. In one of four draws it is the upper one."""
     beyond = fastest + (fastest - slowest) / 3
     return min(fastest, round(chances.uniform(slowest, beyond), 2))

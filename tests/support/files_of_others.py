@@ -18,9 +18,9 @@ OTHERS = {
 
 
 def told_of_others(command: Sequence[object], folder: Path) -> tuple[list[str], str]:
-    """Let a command write into files of a user. Return their names, and what it says.
+    """Let a command write into files of a user. Return their names, and what the command says.
 
-    `command`: its words. One with a space is an option and a name of `OTHERS`. The files stay.
+    `command`: its words. A word with a space is an option and a name of `OTHERS`. The files stay.
     """
     (folder / "run.snapshots").mkdir()
     words: list[str] = []

@@ -50,8 +50,10 @@ class Process:
 
     @staticmethod
     def _line(stream) -> str:
-        """Byte by byte: of two lines at once `readline` would take both from the pipe, and the
-        selector would not see the second.
+        """Read a line byte by byte.
+
+        `readline` would take two lines at once from the pipe, and the selector would not see the
+        second.
         """
         received = b""
         with selectors.DefaultSelector() as selector:
@@ -65,9 +67,9 @@ class Process:
         return received.decode()
 
     def messages(self) -> queue.Queue:
-        """What it prints from now on, as they come: a map in a line each.
+        """Return a queue of what the process prints from now on: a map in a line each.
 
-        Instead of `line` and `end`.
+        `line` and `end` cannot be used any more.
         """
         heard = queue.Queue()
 
@@ -79,7 +81,7 @@ class Process:
         return heard
 
     def end(self, seconds: float = PATIENCE) -> tuple[int, str, str]:
-        """Its exit code, and what it printed since, once it has ended by itself."""
+        """Wait until the process ends by itself. Return its exit code, stdout and stderr."""
         out, self.complaints = self._popen.communicate(timeout=seconds)
         return self._popen.returncode, out, self.complaints
 
@@ -115,7 +117,7 @@ class Fleet:
         endpoint: str = "",
         before: Sequence[str] = (),
     ) -> Process:
-        """`endpoint`: where it finds the others, if that is not where physics says."""
+        """Start a host. `endpoint`: where it finds the others, if not where physics says."""
         where = ("--connect", endpoint or self.endpoint)
         self.hosts.append(
             self.start(
@@ -129,7 +131,7 @@ class Fleet:
             self.host("--share", f"{i}/{hosts}", agents=agents)
 
     def end(self, seconds: float = PATIENCE) -> str:
-        """The hash, once physics and all hosts have ended well."""
+        """Return the hash, once physics and all hosts have ended well."""
         code, out, err = self.world.end(seconds)
         assert code == 0, out + err
         for host in self.hosts:
@@ -161,9 +163,7 @@ class Fleet:
 
 
 class AnyClient:
-    """What a client says, on a real or a simulated network: it has only `put` and `ask`, msgpack
-    and keyspace.md.
-    """
+    """A client on a real or a simulated network, which knows only msgpack and keyspace.md."""
 
     run: str
     keys = Keys()
@@ -180,7 +180,7 @@ class AnyClient:
         )
 
     def join(self, name: str, owner: str = "me") -> dict:
-        """The reply to a session that wants to own an agent."""
+        """Return the reply to a session that wants to own an agent."""
         return self.ask(
             self.keys.of("join", session=owner), self._of_run(owner=owner, names=[name])
         )[0]
@@ -234,7 +234,7 @@ class Client(AnyClient):
         )
 
     def ask(self, key: str, payload: bytes = b"") -> list:
-        """All replies to a get: maps, or the texts of errors."""
+        """Return all replies to a get: maps, or the texts of errors."""
         replies = list(
             self.session.get(
                 key, payload=payload, timeout=PATIENCE, consolidation=zenoh.ConsolidationMode.NONE
@@ -279,6 +279,7 @@ def assert_stands(poses, ticks: int = 20) -> dict:
 
 
 def assert_goes_on(poses) -> None:
+    """Assert that a robot moves from now on."""
     for _ in range(poses.qsize()):
         poses.get()
     standing = wait_for(poses, lambda pose: True)

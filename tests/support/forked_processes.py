@@ -47,11 +47,11 @@ PATHS = [str(ROOT), str(ROOT / "tests" / "support")]
 
 
 class Forked:
-    """A process that runs a module; the methods are those of subprocess.Popen.
+    """A process that runs a module. Its methods are those of subprocess.Popen.
 
-    `leads`: in a session of its own, with stderr in stdout, as someone sees it who types the
-    command. `forks`: what run.py starts, but for the logger, is forked too. `stdin`: of a process
-    that run.py starts, which leads its group. `folder`: where it runs.
+    `leads`: it has a session of its own, with stderr in stdout, as a command that is typed.
+    `forks`: what run.py starts, but for the logger, is forked, too. `stdin`: that of a process that
+    run.py starts, which leads its group. `folder`: where it runs.
     """
 
     def __init__(
@@ -156,7 +156,7 @@ def linked() -> tuple[socket.socket, socket.socket]:
 
 @cache
 def server() -> Server:
-    """It ends with the tests of this process."""
+    """Return the server of this process. It ends with the tests."""
     own, other = linked()
     environment = os.environ | {
         "PYTHONPATH": os.pathsep.join(PATHS),
@@ -224,8 +224,8 @@ def become(files: Sequence[int]) -> None:
 def preload() -> None:
     """Import what the processes import, and load the kernels.
 
-    No process visits these objects when it collects cycles: each visit would copy their memory, and
-    at an end all of it, 0.3 s.
+    No process visits these objects when it collects cycles. Each visit would copy their memory, and
+    at an end all of it, which takes 0.3 s.
     """
     for module in (*DOORS, *COMMAND_LINE):
         # A package of some commands may be left out.
@@ -265,7 +265,7 @@ def begin(request: dict) -> None:
 
 
 def let_supervisor_fork(own: socket.socket) -> None:
-    """In run.py: the doors that it starts are forks of a server of its own, which has no thread.
+    """Let run.py fork the doors that it starts, from a server without threads.
 
     Only the logger starts as for a user.
     """

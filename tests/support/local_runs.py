@@ -32,7 +32,7 @@ HARVEST_TICKS = 1500  # includes the exchanges of 3 rows with 2 pickers
 
 
 def driven_by(**classes: str) -> Scenario:
-    """The small orchard, in which classes of `own_agents` drive kinds or robots."""
+    """Return the small orchard with classes of `own_agents` for kinds or robots."""
     return SMALL.model_copy(
         update={"agents": {name: f"own_agents.{class_}" for name, class_ in classes.items()}}
     )

@@ -25,7 +25,7 @@ def tool(name: str) -> str:
 
 
 def why_not() -> str:
-    """Why there can be no machines here; '' if there can. In CI there must be."""
+    """Return why there can be no machines here; '' if there can. In CI there must be."""
     if os.environ.get("CI") == "true":
         return ""
     if tool("ip") == "ip" or tool("tc") == "tc":
@@ -43,7 +43,7 @@ def _ip(*words: str) -> None:
 
 @contextmanager
 def machines(*guests: str):
-    """A host and its guests: (names of all, the host first).
+    """Make a host and its guests. Return their names, the host first.
 
     The host is 192.168.<n>.10 to its n-th guest, which is .11 there.
     """
@@ -86,8 +86,8 @@ def run_both(
 ) -> None:
     """Run a command on the host that leaves carriers to others, and then the guest's.
 
-    `first`, `second`: of the host and of the guest, which begins when the first one waits for it.
-    `here`, `there`: the folders in which they run. Both must end well.
+    `first`, `second`: the commands of the host and of the guest, which begins when the first one
+    waits for it. `here`, `there`: the folders in which they run. Both must end well.
     """
     on_host = subprocess.Popen(
         [*within(host), *first],
@@ -114,7 +114,7 @@ def run_both(
 
 @contextmanager
 def unplugged(host: str, *guests: int):
-    """Within this, the cables between the host and these guests, counted from 1, are out."""
+    """Unplug the cables between the host and these guests, counted from 1, within this context."""
     for n in guests:
         _ip("-n", host, "link", "set", f"v{n}", "down")
     yield
@@ -123,7 +123,7 @@ def unplugged(host: str, *guests: int):
 
 
 def slowed(host: str, guest: int, *bucket: str) -> None:
-    """A token bucket at the host's end of a cable: `rate 1mbit burst 16kb latency 50ms`."""
+    """Slow a cable by a token bucket at the host's end: `rate 1mbit burst 16kb latency 50ms`."""
     subprocess.run(
         [tool("tc"), "-n", host, "qdisc", "add", "dev", f"v{guest}", "root", "tbf", *bucket],
         check=True,
@@ -140,7 +140,7 @@ NO_NETEM = ("qdisc kind is unknown", "qdisc not found", "No such file or directo
 def harm(name: str, *ends: str) -> None:
     """Lose, double and reorder what a machine sends from these ends of cables.
 
-    Skips the test if the kernel cannot.
+    Skip the test if the kernel cannot.
     """
     for end in ends:
         done = subprocess.run(

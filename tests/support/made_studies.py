@@ -20,7 +20,7 @@ NEAR = interval(0.005, 0.01)
 
 
 def a_row(rate: float | None, half: float = 0.0, **changes: Any) -> Row:
-    """A row of a harvest of 20 rows at this rate, bins an hour; None: each of its runs jammed."""
+    """Return a row of a harvest of 20 rows at this rate, bins an hour; None: each run jammed."""
     known = rate is not None
     row = dict(
         setting={"carriers": 9},
@@ -53,7 +53,7 @@ def a_result(
     ties: tuple[dict[str, Any], ...] = (),
     **changes: Any,
 ) -> StudyResult:
-    """A study of these rows, in which all that is neither best nor a tie is worse."""
+    """Return a study of these rows. All rows that are neither best nor a tie are worse."""
     varied: dict[str, list[Any]] = {}
     for row in table:
         for key, value in row.setting.items():
@@ -107,8 +107,9 @@ def compared(
     within: float = 0.02,
     is_max: bool = True,
 ) -> tuple[Comparison, dict[int, list[float]]]:
-    """Compare settings with these values by setting and seed, look by look, until nothing is
-    undecided. Return also what was seen.
+    """Compare settings by values of each setting and seed, look by look, until all is decided.
+
+    Return also what was seen.
     """
     for look in LOOKS:
         seen = {i: [value(i, seed) for seed in range(look)] for i in range(len(robots))}
@@ -140,8 +141,9 @@ PRICES = {
 
 
 def by_carriers(**changes: Any) -> StudyResult:
-    """20 rows and 10 pickers with more and more carriers, the cheapest of which is best; 20 of them
-    jammed.
+    """Return a study of 20 rows and 10 pickers with more and more carriers.
+
+    The cheapest setting is best, and 20 carriers jammed.
     """
     bound = {number: min(8.0 * number, 79.2) for number in RATES}
     rows = [

@@ -33,7 +33,7 @@ UNEQUAL = (Row(0.0, 0.0, 29.0), Row(5.3, 3.5, 21.3), Row(13.1, 1.0, 30.2), Row(1
 
 @st.composite
 def rows(draw: st.DrawFn, fewest: int = 3, most: int = 8) -> list[Row]:
-    """Rows within all limits, in whole centimetres, at most one of them missing."""
+    """Draw rows within all limits, in whole centimetres, at most one of them missing."""
     gaps = draw(
         st.lists(
             st.floats(CLOSEST, FURTHEST).map(lambda gap: round(gap, 2)),
@@ -73,9 +73,7 @@ def points_of(row: Row) -> list[complex]:
 def write_geojson(
     path: Path, lines: dict[str, list[complex]], yaw: float = 0.0, crs: str = CIRCUIT
 ) -> Path:
-    """Write lines in the frame of the rows, turned by `yaw`, rad, and shifted there, as a GeoJSON
-    file.
-    """
+    """Write lines of the rows' frame as GeoJSON, turned by `yaw`, rad, and shifted to `THERE`."""
     turned = {
         name: [THERE + point * cmath.exp(1j * yaw) for point in points]
         for name, points in lines.items()
@@ -95,19 +93,19 @@ def write_geojson(
 
 
 def feature(kind: str, coordinates: Any, **properties: Any) -> dict[str, Any]:
-    """A feature of GeoJSON."""
+    """Return a feature of GeoJSON."""
     geometry = {"type": kind, "coordinates": coordinates}
     return {"type": "Feature", "properties": properties, "geometry": geometry}
 
 
 def pair(point: complex) -> list[float]:
-    """A point of the rows' frame, m, as a pair of coordinates near `THERE`, turned."""
+    """Turn a point of the rows' frame, m. Return it as a pair of coordinates near `THERE`."""
     there = THERE + point * cmath.exp(TURN)
     return [there.real, there.imag]
 
 
 def straight_rows(count: int = 5, spacing: float = 6.0, length: float = 60.0) -> list[dict]:
-    """Equal rows r1 ... as features, from north to south."""
+    """Return equal rows r1 ... as features, from north to south."""
     features = []
     for i in range(count):
         ends = [pair(complex(0.0, -spacing * i)), pair(complex(length, -spacing * i))]

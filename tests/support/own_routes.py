@@ -8,14 +8,14 @@ from orchard.plans.two_way import TwoWay
 
 
 class Wider(OneWay):
-    """Its loop around the bottom is wider."""
+    """A route whose loop around the bottom is wider."""
 
     F_BOTTOM = 5.5
     D_BOTTOM = 7.6
 
 
 class Pausing(OneWay):
-    """A carrier stops for a second before it turns to the bay."""
+    """A route on which a carrier stops for a second before it turns to the bay."""
 
     PARKED = 44.0
 
@@ -25,7 +25,10 @@ class Pausing(OneWay):
 
 
 class Onward(TwoWay):
-    """A picker drives on after its last row, stands for repairs, and comes a little back."""
+    """A route on which a picker drives on after its last row.
+
+    It stands for repairs there, and comes a little back.
+    """
 
     def harvest(self, block):
         *plan, last = super().harvest(block)
@@ -34,7 +37,7 @@ class Onward(TwoWay):
 
 
 class OnePlace(OneWay):
-    """It knows one place at the bay."""
+    """A route that knows one place at the bay."""
 
     def go_to_bay(self, lane, side):
         *way, _ = super().go_to_bay(lane, side)
@@ -42,7 +45,7 @@ class OnePlace(OneWay):
 
 
 class Farther(OneWay):
-    """Takes the ways in the queue to be twice as long as they are."""
+    """A route that takes the ways in the queue to be twice as long as they are."""
 
     def distance(self, x, y, lane, side):
         return super().distance(x, y, lane, side) + (self.queue.head - x)

@@ -23,9 +23,7 @@ from orchard.app.unseen import MOST
 
 
 def ask(address: str, requests: int) -> None:
-    """Ask for the page at an address as a program does that runs no scripts, and then end this
-    process.
-    """
+    """Ask for the page as a program does that runs no scripts. Then end this process."""
     try:
         _ask_first(address)
         for _ in range(requests - 1):

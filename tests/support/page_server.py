@@ -23,7 +23,7 @@ ON_CI = os.environ.get("CI") == "true"  # where nothing is skipped
 
 
 def skip_without_packages() -> None:
-    """Skip the file that calls this where the page cannot be."""
+    """Skip the file that calls this if packages of the page are missing."""
     for package in () if ON_CI else ("nicegui", "selenium", "axe_core_python"):
         pytest.importorskip(
             package, reason=f"{package} is missing: pip install 'orchard-sim[app,dev]'"
@@ -66,7 +66,7 @@ def served(runs: Path):
 
 @contextmanager
 def chromium_with(folder: Path, downloads: Path, *flags: str):
-    """A browser with a profile in a folder of its own. `flags`: more of its options."""
+    """Open a browser with its profile in a folder. `flags`: more of its options."""
     if None in PROGRAMS:
         (pytest.fail if ON_CI else pytest.skip)(
             "chromium and chromedriver are missing (.ci/apt-packages.txt)"

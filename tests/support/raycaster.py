@@ -24,8 +24,9 @@ def world_of(
     walls: list[tuple[float, float, float, float]] | None = None,
     **scenario,
 ) -> World:
-    """A world with just these bodies, (kind, pose), in this order, uncoupled, and these walls, (x,
-    y, half length, half width).
+    """Return a world with just these bodies, uncoupled, and these walls.
+
+    Bodies: (kind, pose). Walls: (x, y, half length, half width), m.
     """
     nobody = {
         "people": People(workers=0, visitors=0),
@@ -54,10 +55,10 @@ def boxes_seen_by(world: World, me: int) -> list[tuple[float, float, float, floa
 
 
 def bounds_of(world: World, me: int, slack: float) -> tuple[np.ndarray, np.ndarray]:
-    """The least and the most, (beams,) float64 metres, that a body may measure, +inf for no return.
+    """Return the least and the most that a body may measure, (beams,) float64 m each.
 
-    A beam that grazes a box may hit or miss it: so each box counts as it is, and grown and shrunk
-    by `slack` on all sides.
+    +inf means no return. A beam that grazes a box may hit or miss it: so each box counts as it is,
+    and grown and shrunk by `slack` on all sides.
     """
     kind = KINDS[world.layout.starts[me].kind]
     x, y, yaw = world.pose[me].tolist()
@@ -80,10 +81,10 @@ def bounds_of(world: World, me: int, slack: float) -> tuple[np.ndarray, np.ndarr
 def distance_to_box(
     x: float, y: float, angles: np.ndarray, box: Sequence, inflate: float = 0.0
 ) -> np.ndarray:
-    """Metres along each ray to where it first meets a box's edge, +inf where it does not: the
-    method of slabs.
+    """Return how far along each ray it first meets a box's edge, m; +inf where it does not.
 
-    The numbers of the box may be columns of those of many boxes: then there is a row for each box.
+    It is the method of slabs. The numbers of the box may be columns of those of many boxes: then
+    there is a row for each box.
     """
     box_x, box_y, half_length, half_width, yaw = box
     half_length = half_length + inflate

@@ -171,7 +171,7 @@ class Run:
         )
 
     def to_the_end(self):
-        """The end that physics tells."""
+        """Return the end that physics tells."""
         ends = []
         run = threading.Thread(
             target=lambda: ends.append(self.physics.play(self.engine.rehearse)), daemon=True
@@ -227,7 +227,7 @@ def heard_at(box, tick, name="picker_01"):
 
 
 def recorded(scenario, run: str, ticks: int) -> dict[str, list[tuple[str, bytes]]]:
-    """What -> (key, payload) of some real messages of each kind of key, replies among them."""
+    """Return some real messages of each kind of key, replies among them: (key, payload)."""
     of_run = Run(scenario, run, ticks)
 
     def ask_too(key: str, payload: bytes) -> None:
@@ -281,7 +281,7 @@ BAD_ARRAYS = [struct.pack("<f", number) for number in (math.nan, -math.inf, -1.0
 
 
 def of_bytes(payload: bytes, chance: random.Random) -> bytes:
-    """Bits flipped, cut off, put in, doubled; or nothing of it at all."""
+    """Return a payload with bits flipped, cut off, put in or doubled; or other bytes."""
     at = chance.randrange(len(payload))
     some = chance.randbytes(chance.randrange(1, 9))
     return chance.choice(
@@ -301,8 +301,9 @@ def of_bytes(payload: bytes, chance: random.Random) -> bytes:
 
 
 def of_fields(value, chance: random.Random):
-    """A map or list in which one thing, at any depth, is of another type or size, unknown, doubled
-    or missing.
+    """Return a map or list in which one thing, at any depth, is wrong.
+
+    It is of another type or size, unknown, doubled or missing.
     """
     if isinstance(value, dict) and value and chance.random() < 0.9:
         key = chance.choice(list(value))
@@ -330,7 +331,7 @@ def of_fields(value, chance: random.Random):
 
 
 def mutants(payload: bytes, chance: random.Random) -> Iterator[bytes]:
-    """Without end, what may become of one message."""
+    """Yield, without end, what may become of one message."""
     tree = msgpack.unpackb(payload, strict_map_key=False)
     while True:
         for _ in range(3):
@@ -340,7 +341,7 @@ def mutants(payload: bytes, chance: random.Random) -> Iterator[bytes]:
 
 
 def doubled(tree: dict) -> bytes:
-    """A map in which the last field stands twice."""
+    """Return a map in which the last field stands twice."""
     *_, (key, value) = tree.items()
     packer = msgpack.Packer()
     parts = [part for item in [*tree.items(), (key, value)] for part in item]

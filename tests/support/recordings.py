@@ -45,7 +45,7 @@ def recording_of(path: Path, layout: Layout, frames: Iterable[Frame], run: str =
 
 
 class Rows:
-    """All rows of one entity: (seconds, component -> value) in the order of time."""
+    """All rows of one entity in the order of time: (seconds, component -> value)."""
 
     def __init__(self, path: Path, entity: str) -> None:
         self.rows: list[tuple[float, dict]] = []
@@ -88,7 +88,7 @@ def entities_with(path: Path, component: str) -> set[str]:
 
 
 def poses_at(path: Path, seconds: float) -> dict[str, tuple[float, float, float]]:
-    """Where the viewer draws each body: the newest pose of its frame."""
+    """Return where the viewer draws each body: the newest pose of its frame."""
     seen = {}
     for t, row in Rows(path, "/tf").rows:
         if t <= seconds + 1e-9:
@@ -119,7 +119,7 @@ def lines_of(rows: History) -> list[tuple[float, str]]:
 
 
 def seen_at(rows: History, seconds: float) -> dict[tuple[str, str], object]:
-    """What a viewer shows of all that changes seldom."""
+    """Return what a viewer shows of all that changes seldom."""
     newest = {}
     for (entity, component), course in rows.items():
         if entity.startswith(("/world", "/canopy", "/pins")):

@@ -25,7 +25,7 @@ RESULTS = FOLDER / "reference_hashes.json"
 
 
 def result_of(name: str) -> dict[str, Any]:
-    """Return the result of a run: its hash, and figures by which a person sees what changed."""
+    """Return the hash of a run, and figures by which a person sees what has changed."""
     run = RUNS[name]
     local = Local(check(run["scenario"]))
     events = 0
@@ -46,7 +46,7 @@ def result_of(name: str) -> dict[str, Any]:
 
 
 def _tick(local: Local, pushes: list[list[Any]]) -> list[Any]:
-    """Advance a run by one tick. What pushes a robot drives it in place of its agent."""
+    """Advance a run by one tick. A push drives a robot in place of its agent."""
     tick = local.engine.tick
     answers = local.ask()
     for begin, name, speed, rate, ticks in pushes:

@@ -4,7 +4,7 @@ from orchard.report.summary import Outcome
 
 
 def harvested(**changes: object) -> Outcome:
-    """A harvest of five rows with two carriers that went well, with some figures changed."""
+    """Return the summary of a harvest of five rows that went well, with some figures changed."""
     figures = dict(
         hash="0" * 64,
         ticks=9698,

@@ -7,7 +7,7 @@ from orchard.field.scenario import parse
 
 
 def refused(text: str) -> list[str]:
-    """What is wrong with a scenario text, a line a problem."""
+    """Return what is wrong with a scenario text: a line for each problem."""
     with pytest.raises(ScenarioError) as caught:
         parse(text, "my.yaml")
     return str(caught.value).splitlines()

@@ -15,7 +15,7 @@ RELEASE, CLAIM, STOP, HOME, TRAILER, LOADED = range(6)
 
 
 def seconds_of(file: Path, draw: int = 0) -> float:
-    """How long the best schedule of a file takes with one of its seeds, s."""
+    """Return how long the best schedule of a file takes with one of its seeds, s."""
     return Reader(json.loads(file.read_text()), draw).run() * TICK
 
 
@@ -108,7 +108,10 @@ class Reader:
                 self.taken[what] = []
 
     def next_trailer(self, tick: int) -> list:
-        """The trailer that takes the next bin; if there are no trailers, one that always stands."""
+        """Return the trailer that takes the next bin.
+
+        Without trailers it is one that always stands.
+        """
         there = [trailer for trailer in self.trailers if trailer[0] <= tick]
         if there:
             return max(there, key=lambda trailer: trailer[1])
@@ -149,7 +152,7 @@ class Reader:
 
 
 def uses(rows: list) -> list:
-    """What a robot claims and gives back."""
+    """Return what a robot claims and releases."""
     events = []
     for place, at, ticks in rows:
         events.append((at, CLAIM, place))

@@ -36,8 +36,9 @@ WISHES = [f"amy={MINE}", f"ben={HERS},bin_01", "shed=carrier"]
 
 
 def make_roles(path: Path, *addresses: str) -> Path:
-    """What `run.py secure` makes, for the small scenario: a role for each of two pickers, one for
-    the carriers, two for the rest.
+    """Make roles for the small scenario, as `run.py secure` does.
+
+    There are a role for each of two pickers, one for the carriers, and two for the rest.
     """
     make(
         path,
@@ -76,7 +77,7 @@ class Somebody:
         return replies
 
     def wait(self, type_: type, wanted=lambda item: True):
-        """The first thing of a type that arrives, for which something is so."""
+        """Return the first item of a type that arrives and is wanted."""
         deadline = time.monotonic() + PATIENCE
         while time.monotonic() < deadline:
             item = self.bus.inbox.take(max(0.0, deadline - time.monotonic()))
@@ -90,7 +91,7 @@ class Somebody:
         )
 
     def sees_it_move(self, name: str, driving) -> Odometry:
-        """The first pose of a robot that is not the next one, while a session drives it."""
+        """Return the next pose of a robot that has moved, while a session drives it."""
         deadline = time.monotonic() + PATIENCE
         first = self.pose(name)
         while (pose := self.pose(name)).pose == first.pose:

@@ -66,9 +66,9 @@ class SimulatedFleet(Fleet):
         )
 
     def wait(self, is_so: Callable[[], bool], seconds: float = SECONDS) -> bool:
-        """Let virtual time pass until something is so.
+        """Let virtual time pass until a condition holds, for at most so many seconds.
 
-        Return whether it is, within so many seconds.
+        Return whether it holds.
         """
         with (
             self.all.entered()
@@ -124,7 +124,7 @@ class Process:
 
 
 class Heard:
-    """What a client has heard and not yet taken: what `queue.Queue` is for a real one."""
+    """A queue of what a client has received, with the methods of `queue.Queue` in virtual time."""
 
     def __init__(self, fleet: SimulatedFleet) -> None:
         self._fleet = fleet

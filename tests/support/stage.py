@@ -26,9 +26,7 @@ EMPTY_SCENE = {
 
 
 def empty_orchard(**changes) -> Scenario:
-    """Return a scenario with one-way roads, without people, animals, weeds and tractor, except for
-    `changes`.
-    """
+    """Return a one-way orchard without people, animals, weeds and tractor, but for `changes`."""
     return Scenario(**{"rows": 3, "tractor": False, **ONE_WAY, **EMPTY_SCENE, **changes})
 
 
@@ -126,7 +124,7 @@ class Stage:
             self.tick()
 
     def run_until(self, condition: Callable[[], bool], seconds: float = 600.0) -> float:
-        """Run until a condition holds, and return the seconds that it took.
+        """Run until a condition holds. Return the seconds that it took.
 
         An assertion fails if it takes longer than allowed.
         """

@@ -108,7 +108,7 @@ class SweepingWalk(Walk):
         )
 
     def bodies(self) -> list[tuple[float, float, float]]:
-        """Metres ahead of the centre, half length and half width of the robot and of its bin."""
+        """Return the boxes of the robot and of its bin: metres ahead, half length, half width."""
         bodies = [(0.0, self.kind.length / 2, self.kind.width / 2)]
         if self.tows:
             bodies.append((-self.kind.tows, 0.5, 0.5))
@@ -170,7 +170,7 @@ class SweepingWalk(Walk):
 
 
 def sweeps_at_rows(layout: Layout) -> list[Sweep]:
-    """What is swept near the rows, each thing once."""
+    """Return what is swept near the rows, each thing once."""
     found = {}
     for walk in walks_of(layout, SweepingWalk):
         assert isinstance(walk, SweepingWalk)
@@ -182,7 +182,7 @@ def sweeps_at_rows(layout: Layout) -> list[Sweep]:
 
 
 def collisions(layout: Layout) -> list[tuple[Sweep, Sweep]]:
-    """The pairs that may be there at the same time, and are not apart."""
+    """Return the pairs that may be there at the same time, and are not apart."""
     sweeps = sweeps_at_rows(layout)
     reach = np.array([bounds(sweep.boxes) for sweep in sweeps])
     return [
@@ -193,7 +193,10 @@ def collisions(layout: Layout) -> list[tuple[Sweep, Sweep]]:
 
 
 def _near(reach: np.ndarray) -> Iterator[tuple[int, int]]:
-    """The pairs, i before j, whose bounds meet. `reach`: (n, 4), least and greatest x and y."""
+    """Return the pairs whose bounds meet, i before j.
+
+    `reach`: (n, 4), least and greatest x and y, m.
+    """
     for i in range(len(reach)):
         rest = reach[i + 1 :]
         meet = (
@@ -256,7 +259,10 @@ def may_be_together(one: Sweep, other: Sweep) -> bool:
 
 
 def _meets_own_bin(one: Sweep, other: Sweep) -> bool:
-    """Whether a picker may meet a bin that it left: not in its row, which it finds without it."""
+    """Whether a picker may meet a bin that it left.
+
+    It may not in its row, where it drives without a bin.
+    """
     left, moving = (one, other) if one.what == "bin" else (other, one)
     if left.what != "bin" or moving.what == "bin":
         return False
@@ -271,14 +277,14 @@ def _is_in_time(picker: Sweep, job: Sweep) -> bool:
 
 
 def _shareable(picker: Sweep, job: Sweep) -> frozenset[str]:
-    """The place on D that a picker and its carrier have together, after they swapped."""
+    """Return the place on road D that a picker and its carrier share after they have swapped."""
     if picker.stage != job.stage or not (picker.has_swapped and job.has_swapped):
         return frozenset()
     return frozenset(place for place in picker.places if "/D/" in place)
 
 
 def _follow(behind: Sweep, ahead: Sweep) -> bool:
-    """Whether lasers keep a carrier behind another one: on one line, or round the next corner."""
+    """Whether lasers keep a carrier behind another one, on one line or round the next corner."""
     if behind.is_picker or ahead.is_picker or "bin" in (behind.what, ahead.what):
         return False
     return not behind.roads.isdisjoint(ahead.roads)

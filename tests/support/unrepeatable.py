@@ -45,7 +45,7 @@ class Counting(Driver):
 
 
 class Latch(Driver):
-    """Sets an attribute that it did not have, which matters later."""
+    """Sets an attribute that it did not have, on which a later tick depends."""
 
     def speed(self, observation):
         if observation.tick == 3:
@@ -76,9 +76,7 @@ class Tired(Driver):
 
 
 class Tidy(Driver):
-    """Repeatable: it computes what follows from its arguments when it first needs it, and draws
-    from the seed.
-    """
+    """Repeatable: it computes something from its arguments once, and draws from the seed."""
 
     @cached_property
     def rows(self):

@@ -50,9 +50,7 @@ WAITS = (Need, Alone, Deliver, FetchEmpty, LeaveBin, TakeBin, Unload, Confirmed)
 
 
 class Area(NamedTuple):
-    """An upright rectangle, m: a robot or bin may stand there, or a robot must find it free to
-    drive on.
-    """
+    """A rectangle along the axes, m: where a robot or bin may stand, or which it must find free."""
 
     x: float
     y: float
@@ -152,9 +150,7 @@ class Walk:
         self.turns.append((here, self.outline(), step.heading))
 
     def drive(self, step: DriveTo) -> None:
-        """Drive from gate to gate: before a gate the robot may stand, while it does not hold the
-        places.
-        """
+        """Drive from gate to gate. Before a gate the robot may stand until it holds the places."""
         ahead = sum(UNIT[self.heading])
         target = self.along(step)
         needs = {
@@ -203,8 +199,10 @@ class Walk:
 
 
 def walks_of(layout: Layout, walk_of: type[Walk] = Walk) -> Iterator[Walk]:
-    """The work of every picker, a job for every bin that is left and from every line of the queue,
-    and the other carriers in the queue.
+    """Yield the work of every picker, and each job of a carrier.
+
+    There is a job for each bin that is left and each line of the queue; and the other carriers
+    stand in the queue.
     """
     route = route_of(layout)
     carriers = range(1, layout.scenario.carrier_count + 1)
@@ -237,5 +235,5 @@ def walks_of(layout: Layout, walk_of: type[Walk] = Walk) -> Iterator[Walk]:
 
 
 def jobs_from(heads: Sequence[int], row: int) -> Sequence[int]:
-    """The heads of the queue's lines from which carriers come to a row: to the first one all."""
+    """Return the heads of the lines from which carriers come to a row: to the first row, all."""
     return heads if row == 1 else [heads[row % len(heads)]]

@@ -34,20 +34,28 @@ from orchard.tables.exchanges import exchanges
     st.sampled_from(ROW_ORDERS),
 )
 def test_each_metre_is_picked_once_and_bins_are_full(rows, metres_per_bin, start, order):
-    passes = passes_of(
-        rows, Block(tuple(range(1, len(rows) + 1)), start), metres_per_bin, ORDERS[order]
-    )
-    assert [one.end for one in passes] == [
-        ["east", "west"][(count + (start == "east")) % 2] for count in range(len(passes))
-    ]
+    """`rows`: x of the west and of the east end of each row, m."""
+    block = Block(tuple(range(1, len(rows) + 1)), start)
+    passes = passes_of(rows, block, metres_per_bin, ORDERS[order])
+
+    # A picker that starts in the west ends its first pass in the east, and so on.
+    ends = ["east", "west"] if start == "west" else ["west", "east"]
+    for count, pass_ in enumerate(passes):
+        assert pass_.end == ends[count % 2]
+
+    # The parts of a row follow each other without a gap.
     for number, (west, east) in enumerate(rows, start=1):
-        parts = sorted(sorted((one.begin, one.stop)) for one in passes if one.row == number)
+        parts = sorted(sorted((part.begin, part.stop)) for part in passes if part.row == number)
         assert parts[0][0] == west
         assert parts[-1][1] == east
-        assert [one[1] for one in parts[:-1]] == pytest.approx([after[0] for after in parts[1:]])
-    fills = [one.fill for one in passes if one.leaves_bin]
+        for (_, end), (begin, _) in pairwise(parts):
+            assert end == pytest.approx(begin)
+
+    # All bins but the last one are full.
+    fills = [pass_.fill for pass_ in passes if pass_.leaves_bin]
     assert passes[-1].leaves_bin
-    assert all(one.is_full == (one.fill >= metres_per_bin - FULL_WITHIN) for one in passes)
+    for pass_ in passes:
+        assert pass_.is_full == (pass_.fill >= metres_per_bin - FULL_WITHIN)
     assert fills[:-1] == pytest.approx([metres_per_bin] * (len(fills) - 1))
     assert sum(fills) == pytest.approx(sum(east - west for west, east in rows), abs=1e-4)
 
@@ -57,6 +65,7 @@ def test_each_metre_is_picked_once_and_bins_are_full(rows, metres_per_bin, start
 
 @st.composite
 def orchards(draw: st.DrawFn) -> dict[str, Any]:
+    """Draw the values of a scenario in which a row may fill several bins."""
     rows = draw(st.integers(3, 12))
     length = draw(st.sampled_from([30.0, 40.0, 70.0, 100.0]))
     return {
@@ -99,29 +108,35 @@ def assert_all_is_picked_into_bins_and_delivered(stage: Stage) -> None:
     world = stage.world
     layout = stage.world.layout
     scenario = stage.world.layout.scenario
-    of_each = [
-        sum(layout.lane(row).length for row in block.rows) for block in layout.blocks.values()
-    ]
-    bins = sum(ceil(metres / scenario.metres_per_bin - 1e-6) for metres in of_each)
+    # The metres of row that each picker has: the last bin of a picker may be part full.
+    metres_of_pickers = []
+    for block in layout.blocks.values():
+        metres_of_pickers.append(sum(layout.lane(row).length for row in block.rows))
+    bins = sum(ceil(metres / scenario.metres_per_bin - 1e-6) for metres in metres_of_pickers)
     assert world.row_picked.tolist() == pytest.approx([lane.length for lane in layout.lanes])
     assert layout.bins == bins
     assert world.delivered == bins
-    assert world.delivered_metres == pytest.approx(sum(of_each))
-    made = exchanges(
-        [
-            {name: getattr(event, name) for name in ("tick", "what", "who", "whom", "detail")}
-            for event in stage.events
-        ]
-    )
-    assert sum(one["metres"] for one in made) == pytest.approx(sum(of_each), abs=0.01 * bins)
-    assert len(made) == bins
-    assert all(
-        one["left"] and one["brought"] and one["fetched"] and one["unloaded"] for one in made
-    )
+    assert world.delivered_metres == pytest.approx(sum(metres_of_pickers))
+
+    fields = ("tick", "what", "who", "whom", "detail")
+    events = [{name: getattr(event, name) for name in fields} for event in stage.events]
+    done = exchanges(events)
+    assert len(done) == bins
+    # An event has its metres to a centimetre.
+    metres = sum(exchange["metres"] for exchange in done)
+    assert metres == pytest.approx(sum(metres_of_pickers), abs=0.01 * bins)
+    for exchange in done:
+        assert exchange["left"]
+        assert exchange["brought"]
+        assert exchange["fetched"]
+        assert exchange["unloaded"]
 
 
+# s
 FAILURE = {"failure": {"mean_between": 60.0, "mean_repair": 20.0}}
+# m
 GNSS = {"gnss": {"white": 0.02, "bias": 0.03}}
+# What differs from an orchard of 3 rows of 30 m and 4 carriers, by the keys of a scenario.
 HARVESTS: dict[str, dict[str, Any]] = {
     "bins that go on with the next row": {"metres_per_bin": 12.0},
     "bins that are full where the row ends": {"metres_per_bin": 12.0, "order_in_row": "outward"},
@@ -136,12 +151,19 @@ HARVESTS: dict[str, dict[str, Any]] = {
         "dispatch": "nearest",
     },
     "two-way, and from both ends": {
-        **{"pickers": 3, "carriers": 2, "metres_per_bin": 16.0, "picking_speed": 0.3},
-        **{"route": "two-way", "rows_to_pickers": "balanced-ends"},
+        "pickers": 3,
+        "carriers": 2,
+        "metres_per_bin": 16.0,
+        "picking_speed": 0.3,
+        "route": "two-way",
+        "rows_to_pickers": "balanced-ends",
     },
     "pickers that fail": {
-        **{"metres_per_bin": 11.0, "order_in_row": "outward", "picking_speed": 0.2},
-        **{"picking": FAILURE, "dispatch": "assignment"},
+        "metres_per_bin": 11.0,
+        "order_in_row": "outward",
+        "picking_speed": 0.2,
+        "picking": FAILURE,
+        "dispatch": "assignment",
     },
     "sensors with errors": {"pickers": 3, "carriers": 3, "metres_per_bin": 20.0, "sensors": GNSS},
     "outward, and sensors with errors": {
@@ -155,12 +177,11 @@ HARVESTS: dict[str, dict[str, Any]] = {
 
 
 def harvest_of(name: str) -> Scenario:
+    """Return the scenario of one of HARVESTS."""
     values = {"carriers": 4, **HARVESTS[name]}
-    return (
-        orchard_of(UNEQUAL, **values)
-        if "surveyed" in name
-        else empty_orchard(row_length=30.0, **values)
-    )
+    if name == "surveyed rows":
+        return orchard_of(UNEQUAL, **values)
+    return empty_orchard(row_length=30.0, **values)
 
 
 @cache
@@ -204,17 +225,18 @@ def test_a_run_resumes_anywhere_to_the_same_hash(name):
 
     Each stretch ends with the state, memories and mail with which the next one begins.
     """
-    for begun, meant in pairwise(snapshots_of(name)[1]):
-        again = Local.resume(begun)
-        while again.engine.tick < meant.world["tick"]:
-            if again.engine.tick % 250 == 0:
-                start_afresh(again)
-            again.tick()
-        ended = again.snapshot()
-        assert ended.digest == meant.digest
-        assert ended.memories == meant.memories
-        assert ended.letters == meant.letters
-        assert again.engine.violations() == []
+    _, snapshots = snapshots_of(name)
+    for begin, end in pairwise(snapshots):
+        resumed = Local.resume(begin)
+        while resumed.engine.tick < end.world["tick"]:
+            if resumed.engine.tick % 250 == 0:
+                start_afresh(resumed)
+            resumed.tick()
+        reached = resumed.snapshot()
+        assert reached.digest == end.digest
+        assert reached.memories == end.memories
+        assert reached.letters == end.letters
+        assert resumed.engine.violations() == []
 
 
 def test_a_picker_remembers_few_steps_however_many_bins_it_fills():
@@ -232,7 +254,7 @@ def test_a_picker_remembers_few_steps_however_many_bins_it_fills():
 def test_the_summary_has_the_cost_of_drives_to_row_ends(metres_per_bin, bins, seconds):
     """With four bins a row there are three more drives through 70 m, and three more turns."""
     stage = Stage(empty_orchard(pickers=3, metres_per_bin=metres_per_bin))
-    told = stage.account.figures()
-    assert told["bins"] == bins
-    assert told["row_end_seconds"] == pytest.approx(seconds, abs=0.1)
-    assert (told["row_end_share"] > 0.3) == (seconds > 0.0)
+    figures = stage.account.figures()
+    assert figures["bins"] == bins
+    assert figures["row_end_seconds"] == pytest.approx(seconds, abs=0.1)
+    assert (figures["row_end_share"] > 0.3) == (seconds > 0.0)

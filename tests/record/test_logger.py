@@ -1,6 +1,4 @@
-"""The logger: killed it goes on in a further part; slow it leaves out pictures, nothing that was
-said, and holds no session up.
-"""
+"""The logger: when it begins, and what it passes to the recorder, also to a slow one."""
 
 import math
 import os
@@ -42,13 +40,17 @@ from orchard.wire.messages import Bundle, read
 
 def test_physics_sends_a_whole_picture_when_a_logger_comes(fleet):
     fleet.physics(Scenario(rows=3), "--speed", "2", "--duration", "60")
-    someone = fleet.client()
-    pictures = someone.hear(someone.keys.of("picture"))
+    """A whole picture has all fields. It comes each 50 ticks, and when a logger's token appears.
+
+    Any other one has only what has changed.
+    """
+    client = fleet.client()
+    pictures = client.hear(client.keys.of("picture"))
     fleet.share(2)
-    before_ = wait_for(pictures, lambda told: told["tick"] % 50 == 5)
-    assert before_["alive"] is None
-    token = someone.declare(someone.keys.of("alive", "logger", "me"))
-    whole = wait_for(pictures, lambda told: told["alive"] is not None)
+    earlier = wait_for(pictures, lambda picture: picture["tick"] % 50 == 5)
+    assert earlier["alive"] is None
+    token = client.declare(client.keys.of("alive", "logger", "me"))
+    whole = wait_for(pictures, lambda picture: picture["alive"] is not None)
     assert whole["tick"] % 50 != 0
     assert None not in (whole["coupled"], whole["fill"], whole["row_ends"])
     assert {"picker_01", "carrier_01"} <= whole["doing"].keys()
@@ -93,15 +95,9 @@ def test_a_logger_begins_with_a_whole_picture():
 
     builder.frame([])
     for name in SELDOM:
-        setattr(
-            world,
-            name,
-            (
-                np.zeros_like(getattr(world, name))
-                if getattr(world, name).any()
-                else getattr(world, name) + 1
-            ),
-        )
+        values = getattr(world, name)
+        others = np.zeros_like(values) if values.any() else values + 1
+        setattr(world, name, others)
     changed = shown(101)
     builder.forget()
     shown(102)
@@ -148,7 +144,7 @@ def test_a_logger_that_gives_up_says_so(monkeypatch, caplog):
 def test_changes_of_all_pictures_together_are_a_whole_one():
     """Robots are stopped, reset and in each other's way, and after a tick there is no picture."""
     local = Local(Scenario(rows=10, pickers=10, seed=4))
-    said = dict[str, str]()
+    doing = dict[str, str]()
     builder = FrameBuilder(local.engine)
     for tick in range(1500):
         if tick % 150 == 40:
@@ -157,8 +153,8 @@ def test_changes_of_all_pictures_together_are_a_whole_one():
             local.engine.reset()
         local.tick()
         if tick % 37:
-            said |= builder.frame([]).doing
-            assert said == FrameBuilder(local.engine).frame([]).doing
+            doing |= builder.frame([]).doing
+            assert doing == FrameBuilder(local.engine).frame([]).doing
 
 
 def test_bundles_hold_each_picture_with_what_was_said(monkeypatch):
@@ -168,35 +164,37 @@ def test_bundles_hold_each_picture_with_what_was_said(monkeypatch):
     run = Run(Scenario(rows=3), "run1", 725)
     run.to_the_end()
     sent = [(key.removeprefix("orchard/"), payload) for key, payload in run.net.sent]
-    bundles = [read(payload, Bundle) for key, payload in sent if key == "bundle"]
-    told = {
-        what: [payload for key, payload in sent if key == what]
-        for what in ("events", "letters", "picture")
-    }
-    assert told == {
-        "events": [pack(message) for bundle in bundles for message in bundle.events],
-        "letters": [pack(message) for bundle in bundles for message in bundle.letters],
-        "picture": [pack(message) for bundle in bundles for message in bundle.pictures],
-    }
-    assert len(told["picture"]) == ticks
-    assert told["events"]
-    assert told["letters"]
+
+    def sent_on(wanted: str) -> list[bytes]:
+        return [payload for key, payload in sent if key == wanted]
+
+    # The bundles have the messages that are sent on keys of their own, too.
+    bundles = [read(payload, Bundle) for payload in sent_on("bundle")]
+    events = [message for bundle in bundles for message in bundle.events]
+    letters = [message for bundle in bundles for message in bundle.letters]
+    pictures = [message for bundle in bundles for message in bundle.pictures]
+    assert sent_on("events") == [pack(message) for message in events]
+    assert sent_on("letters") == [pack(message) for message in letters]
+    assert sent_on("picture") == [pack(message) for message in pictures]
+    assert len(pictures) == ticks
+    assert len(events) > 0
+    assert len(letters) > 0
     assert all(len(bundle.pictures) <= 10 for bundle in bundles)
     assert [key for key, _ in sent if key in ("bundle", "end")][-2:] == ["bundle", "end"]
+
+    # The logger gives each picture the events of its step.
     bus = StandIn(Net(), "logger")
     queue = FrameQueue()
     logger = Logger(bus, KEYS, "run1", run.engine.layout, queue)
     for bundle in bundles:
         logger._handle(Sample(KEYS.of("bundle"), pack(bundle)))
     queue.close()
-    frames_ = [queue.take() for _ in range(ticks)]
-    assert [frame.tick for frame in frames_] == [*range(1, ticks + 1)]
-    assert {event.tick - frame.tick for frame in frames_ for event in frame.events} == {-1}
-    said = sum(len(message.events) for bundle in bundles for message in bundle.events)
-    said += sum(
-        len(talk_of(0, message.letters)) for bundle in bundles for message in bundle.letters
-    )
-    assert sum(len(frame.events) for frame in frames_) == said
+    frames = [queue.take() for _ in range(ticks)]
+    assert [frame.tick for frame in frames] == [*range(1, ticks + 1)]
+    assert {event.tick - frame.tick for frame in frames for event in frame.events} == {-1}
+    in_bundles = sum(len(message.events) for message in events)
+    in_bundles += sum(len(talk_of(0, message.letters)) for message in letters)
+    assert sum(len(frame.events) for frame in frames) == in_bundles
 
 
 @pytest.mark.processes
@@ -226,23 +224,28 @@ def test_a_slow_recorder_holds_physics_up_no_more_than_none(fleet, tmp_path):
 TICKS = 2000
 
 
-def wait_until(what, seconds: float = PATIENCE):
+def wait_until(look, seconds: float = PATIENCE):
+    """Look until there is something. Return it."""
     deadline = time.monotonic() + seconds
-    while not (found := what()):
+    while not (result := look()):
         assert time.monotonic() < deadline, "it never came"
-        time.sleep(0.05)  # to look through all processes takes 10 ms of a processor
-    return found
+        # To look through all processes takes 10 ms of a processor.
+        time.sleep(0.05)
+    return result
 
 
 def loggers_of(run: subprocess.Popen) -> list[psutil.Process]:
-    found = []
+    """Return the loggers that are there. A process may end while it is looked at."""
+    loggers = []
     for child in psutil.Process(run.pid).children(recursive=True):
-        with suppress(psutil.Error):  # one that has just ended
-            found += [child] if "orchard.processes.logger" in child.cmdline() else []
-    return found
+        with suppress(psutil.Error):
+            if "orchard.processes.logger" in child.cmdline():
+                loggers.append(child)
+    return loggers
 
 
 def next_logger(run: subprocess.Popen, old: psutil.Process) -> psutil.Process:
+    """Wait for the logger that takes the place of an old one."""
     return wait_until(lambda: [logger for logger in loggers_of(run) if logger.pid != old.pid])[0]
 
 
@@ -263,9 +266,8 @@ def battered(tmp_path_factory):
     with running("--rows", 3, *pace, "--record", file, "--summary", folder / "summary.json") as run:
         wait_until(lambda: has_begun(file))
         (first,) = loggers_of(run)
-        assert os.sched_getscheduler(first.pid) == os.SCHED_BATCH, (
-            "it interrupts those for which the run waits"
-        )
+        # A logger of another class would interrupt the processes for which the run waits.
+        assert os.sched_getscheduler(first.pid) == os.SCHED_BATCH
         first.kill()
         second = next_logger(run, first)
         second.kill()
@@ -280,6 +282,7 @@ def battered(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def unharmed(tmp_path_factory):
+    """Run the same in local mode. Return the rows of its recording, and its summary."""
     folder = tmp_path_factory.mktemp("unharmed")
     where = ("--record", folder / "run.rrd", "--summary", folder / "summary.json")
     orchard("--rows", 3, "--mode", "local", "--duration", TICKS / 10, *where)
@@ -300,11 +303,8 @@ def test_a_run_with_a_battered_logger_has_the_same_hash(battered, unharmed):
 def test_its_parts_are_one_recording(battered):
     file, summary, printed = battered
     parts = parts_of(file)
-    assert (
-        summary["recording_parts"]
-        == [path.name for path in parts]
-        == ["run.rrd", "run.part2.rrd", "run.part3.rrd"]
-    )
+    assert [path.name for path in parts] == ["run.rrd", "run.part2.rrd", "run.part3.rrd"]
+    assert summary["recording_parts"] == [path.name for path in parts]
     assert len({RrdReader(path).recordings()[0].recording_id for path in parts}) == 1
     assert all(len(RrdReader(path).blueprints()) == 1 for path in parts)
     assert printed.strip().splitlines()[-2].endswith(f"view {file}")
@@ -314,42 +314,37 @@ def test_gaps_are_named_in_the_summary_and_the_recording(battered, rows):
     _, summary, _ = battered
     gaps = summary["recording_gaps"]
     assert len(gaps) == 2
-    told = lines_of(rows)
-    for since, until_ in gaps:
-        assert (
-            until_,
-            f"logger: nothing recorded from {since:.1f} s to {until_:.1f} s: the logger was away",
-        ) in told
-    times = {round(t, 1) for t, _ in rows["/tf", "Transform3D:translation"]}
-    lost = {tick / 10 for tick in range(1, TICKS + 1)} - times
-    assert lost == {
-        tick / 10
-        for since, until_ in gaps
-        for tick in range(round(since * 10) + 1, round(until_ * 10))
-    }
+    lines = lines_of(rows)
+    in_gaps = set()
+    for begin, end in gaps:
+        words = f"logger: nothing recorded from {begin:.1f} s to {end:.1f} s: the logger was away"
+        assert (end, words) in lines
+        in_gaps |= {tick / 10 for tick in range(round(begin * 10) + 1, round(end * 10))}
+
+    recorded = {round(seconds, 1) for seconds, _ in rows["/tf", "Transform3D:translation"]}
+    assert {tick / 10 for tick in range(1, TICKS + 1)} - recorded == in_gaps
     assert summary["messages_dropped"] == 0
 
 
 def test_after_the_gaps_everything_is_as_if_there_had_been_none(battered, rows, unharmed):
-    (_, summary, _) = battered
-    (whole, _) = unharmed
-    changed = [
-        key
-        for key, course in whole.items()
-        for since, until_ in summary["recording_gaps"]
-        if any(since < t < until_ for t, _ in course)
-    ]
-    assert any(entity.startswith("/world/rows") for entity, _ in changed), (
-        "a row was picked meanwhile"
-    )
-    for seconds in [until_ for _, until_ in summary["recording_gaps"]] + [TICKS / 10]:
-        seen = seen_at(rows, seconds)
-        meant = seen_at(whole, seconds)
-        assert {
-            key: (seen.get(key), meant.get(key))
-            for key in seen.keys() | meant.keys()
-            if seen.get(key) != meant.get(key)
-        } == {}
+    _, summary, _ = battered
+    whole, _ = unharmed
+    gaps = summary["recording_gaps"]
+
+    # A row was picked within a gap, so the recording after it must show more than its last frame.
+    changed = set()
+    for (entity, _), history in whole.items():
+        for begin, end in gaps:
+            if any(begin < seconds < end for seconds, _ in history):
+                changed.add(entity)
+    assert any(entity.startswith("/world/rows") for entity in changed)
+
+    for seconds in [end for _, end in gaps] + [TICKS / 10]:
+        shown = seen_at(rows, seconds)
+        expected = seen_at(whole, seconds)
+        assert shown.keys() == expected.keys()
+        for key, value in expected.items():
+            assert shown[key] == value, key
 
 
 def test_refusals_pauses_and_steps_are_events_at_their_ticks(fleet):
@@ -363,7 +358,7 @@ def test_refusals_pauses_and_steps_are_events_at_their_ticks(fleet):
     client = fleet.client()
     keys = client.keys
     pictures = client.hear(keys.of("picture"))
-    wait_for(pictures, lambda told: told["tick"] >= 55)
+    wait_for(pictures, lambda picture: picture["tick"] >= 55)
     client.put(keys.of("velocity", "nobody_01"), tick=1, linear={"x": 0.1}, angular={"z": 0.0})
     paused = client.ask(keys.of("set_simulation_state"), client._of_run(state="paused"))[0]["tick"]
     stepped = client.ask(keys.of("step_simulation"), client._of_run(steps=3))[0]["tick"]
@@ -374,7 +369,7 @@ def test_refusals_pauses_and_steps_are_events_at_their_ticks(fleet):
     notebook = Notebook()
     write(queue, notebook, 0)
     assert stepped == paused + 3
-    states = [(event.tick, event.what) for event in notebook.told if event.who == "the run"]
+    states = [(event.tick, event.what) for event in notebook.events if event.who == "the run"]
     assert states == [
         (0, "playing"),
         (paused, "paused"),
@@ -383,7 +378,7 @@ def test_refusals_pauses_and_steps_are_events_at_their_ticks(fleet):
         (stepped, "playing"),
         (120, "quitting"),
     ]
-    (refused,) = [event for event in notebook.told if event.what == "refused"]
+    (refused,) = [event for event in notebook.events if event.what == "refused"]
     assert refused.detail == "orchard/nobody_01/velocity: no such robot, nobody_01"
     assert 55 <= refused.tick <= paused
     for frame in notebook.frames:
@@ -391,26 +386,29 @@ def test_refusals_pauses_and_steps_are_events_at_their_ticks(fleet):
 
 
 class Notebook:
+    """A recorder that notes what it gets: frames, events and gaps."""
+
     def __init__(self) -> None:
         self.frames: list[Frame] = []
-        self.told: list[Event] = []
+        self.events: list[Event] = []
         self.gaps: list[tuple[int, int]] = []
 
     def tick(self, frame: Frame) -> None:
         self.frames.append(frame)
-        self.told += frame.events
+        self.events += frame.events
 
     def gap(self, since: int, until: int, why: str) -> None:
         self.gaps.append((since, until))
 
     def tell(self, event: Event) -> None:
-        self.told.append(event)
+        self.events.append(event)
 
     def close(self) -> None:
         pass
 
 
 def picture(tick: int, **news: object) -> Frame:
+    """Return a frame with an event of the step before it, and with this news."""
     return Frame(
         tick,
         np.zeros((1, 3)),
@@ -420,6 +418,7 @@ def picture(tick: int, **news: object) -> Frame:
 
 
 def written(pages: FrameQueue, last: int | None = 0) -> Notebook:
+    """Write what is left in a queue, after the frame of tick `last`."""
     pages.close()
     notebook = Notebook()
     write(pages, notebook, last)
@@ -436,14 +435,17 @@ def test_a_slow_recorder_leaves_out_pictures_but_no_words():
         if tick % 3 == 0:
             taken.append(pages.take())
     rest = written(pages, taken[-1].tick)
-    frames_ = taken + rest.frames
-    assert pages.left_out == 1000 - len(frames_) > 600
-    assert pages.left_out == sum(frame.left_out for frame in frames_)
-    assert rest.gaps == [], "it was there all the time"
-    assert frames_[-1].tick == 1000, "the newest is never left out"
-    told = [note for page in taken for note in page.events] + rest.told
-    assert sorted(event.tick for event in told) == list(range(1000))
-    assert all(event.detail == f"of tick {event.tick}" for event in told)
+    frames = taken + rest.frames
+    # A third of the frames is taken, and at most ten more are in the queue at the end.
+    assert pages.left_out > 600
+    assert pages.left_out == 1000 - len(frames)
+    assert pages.left_out == sum(frame.left_out for frame in frames)
+    assert rest.gaps == [], "the logger was there all the time"
+    assert frames[-1].tick == 1000, "the newest is never left out"
+
+    events = [event for frame in taken for event in frame.events] + rest.events
+    assert sorted(event.tick for event in events) == list(range(1000))
+    assert all(event.detail == f"of tick {event.tick}" for event in events)
 
 
 def test_a_hanging_recorder_costs_only_so_many_pictures():

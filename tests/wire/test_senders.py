@@ -75,20 +75,20 @@ def rows() -> Iterator[Row]:
 @pytest.fixture
 def used(monkeypatch):
     """Return (how, key, process) of all that the sessions of the simulated network do."""
-    found = set()
+    uses = set()
 
     def note(method: str) -> None:
         real = getattr(SimulatedBus, method)
 
         def noted(self, key, *arguments, **more):
-            found.add((MEANS[method], key, self.name.rstrip("_0123456789")))
+            uses.add((MEANS[method], key, self.name.rstrip("_0123456789")))
             return real(self, key, *arguments, **more)
 
         monkeypatch.setattr(SimulatedBus, method, noted)
 
     for method in MEANS:
         note(method)
-    return found
+    return uses
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
@@ -100,7 +100,11 @@ def test_each_key_of_a_run_stands_in_keyspace_with_its_sender(fleet, used, mode)
     fleet.start("orchard.processes.logger", "--connect", fleet.endpoint)
     fleet.host("--without", "worker_01")
     client.drive("worker_01", 0, 0.5)
-    tick = wait_for(everything, lambda told: told.get("poses") and told["tick"] >= 30)["tick"]
+
+    def has_poses_of_tick_30(message) -> bool:
+        return bool(message.get("poses")) and message["tick"] >= 30
+
+    tick = wait_for(everything, has_poses_of_tick_30)["tick"]
     client.put(keys.of("advice", "picker_01"), tick=tick, linear={"x": 0.1}, angular={"z": 0.0})
     for key in ("scenario", "layout", "simulation_state"):
         client.ask(keys.of(key))
@@ -111,15 +115,17 @@ def test_each_key_of_a_run_stands_in_keyspace_with_its_sender(fleet, used, mode)
     client.ask(keys.of("set_simulation_state"), client._of_run(state="playing"))
     fleet.end()
 
+    # A line of the table names each use; of puts and tokens it names the sender, too.
     table = list(rows())
     wrong = []
     for how, key, process in sorted(used):
         fitting = [row for row in table if "*" in key or row.fits(key)]
-        named = [word for row in fitting for word in WORDS[process] if word in row.sender]
         is_used = any(how in row.means for row in fitting)
-        if not is_used or (how in (PUT, TOKEN) and not named):
+        is_named = any(word in row.sender for row in fitting for word in WORDS[process])
+        if not is_used or (how in (PUT, TOKEN) and not is_named):
             wrong.append((how, key, process))
     assert wrong == []
+
     senders = {(key, process) for how, key, process in used if how == PUT}
     assert {("orchard/traffic/velocity", "physics"), ("orchard/bin_01/state", "agents")} <= senders
     assert ("orchard/worker_01/velocity", "client") in senders
@@ -137,23 +143,26 @@ def test_the_reply_to_layout_has_the_rows_of_each_picker():
 def test_an_exchange_has_the_order_that_keyspace_tells():
     """At each end of each row: `here`, couple, `claim` beside the carrier, and then `yes`."""
     local = Local(SMALL)
-    said = []
-    while len([what for what, _ in said if what == "yes"]) < SMALL.rows:
+    steps: list[tuple[str, str]] = []
+    exchanged = 0
+    while exchanged < SMALL.rows:
         local.tick()
         tick = local.engine.tick - 1
-        for name, action in sorted(local.actions.items()):
-            if not name.startswith("picker") or name not in local.answers:
-                continue
-            said += [("couple", name) for deed in action.deeds if isinstance(deed, Couple)]
-        for sender, written in sorted(local.post.written.get(tick, {}).items()):
-            said += list(_words_of(sender, written))
         assert tick < 9000
+        for name, action in sorted(local.actions.items()):
+            if name.startswith("picker") and name in local.answers:
+                couples = [deed for deed in action.deeds if isinstance(deed, Couple)]
+                steps += [("couple", name)] * len(couples)
+        for sender, written in sorted(local.post.written.get(tick, {}).items()):
+            steps += list(_words_of(sender, written))
+        exchanged = sum(kind == "yes" for kind, _ in steps)
     exchange = r"(here )+(couple )+(here )*claim (here )+yes "
     for picker in ("picker_01", "picker_02"):
-        own = [what for what, name in said if name == picker]
-        in_order = "".join(f"{what} " for what in own if what != "no")
-        assert re.fullmatch(f"({exchange})+", in_order), own
-        assert own.count("no") == own.count("here") - own.count("yes"), own
+        kinds = [kind for kind, name in steps if name == picker]
+        in_order = "".join(f"{kind} " for kind in kinds if kind != "no")
+        assert re.fullmatch(f"({exchange})+", in_order), kinds
+        # Each `here` is answered: by yes, or else by no.
+        assert kinds.count("no") == kinds.count("here") - kinds.count("yes"), kinds
 
 
 def _words_of(sender, written):

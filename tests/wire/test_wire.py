@@ -40,27 +40,36 @@ def scans(beams):
 
 
 hitches = st.builds(
-    Hitch, names, metres, metres, st.tuples(units, units), twists, st.none() | scans(60)
+    Hitch,
+    name=names,
+    x=metres,
+    y=metres,
+    orientation=st.tuples(units, units),
+    twist=twists,
+    scan=st.none() | scans(60),
 )
-seen = st.builds(
+observations = st.builds(
     Observation,
-    st.just("picker_01"),
-    st.integers(0, 2**35),
-    metres,
-    metres,
-    st.tuples(units, units),
-    twists,
-    scans(180),
-    st.none() | hitches,
-    st.floats(0, 70),
-    st.booleans(),
-    st.just(0.0) | st.floats(0.001, 0.71),
-    st.floats(0, 1),
+    name=st.just("picker_01"),
+    tick=st.integers(0, 2**35),
+    x=metres,
+    y=metres,
+    orientation=st.tuples(units, units),
+    twist=twists,
+    scan=scans(180),
+    hitch=st.none() | hitches,
+    fill=st.floats(0, 70),
+    full=st.booleans(),
+    accuracy=st.just(0.0) | st.floats(0.001, 0.71),
+    charge=st.floats(0, 1),
 )
 
 
-def same_scan(one, other):
-    return (one is None and other is None) or one.tobytes() == other.tobytes()
+def is_same_scan(arrived, sent):
+    """Whether two scans have the same bits, or neither is there."""
+    if arrived is None or sent is None:
+        return arrived is sent
+    return arrived.tobytes() == sent.tobytes()
 
 
 def sights_of(observations):
@@ -85,44 +94,48 @@ def sights_of(observations):
     )
 
 
-@given(st.lists(seen, min_size=1, max_size=4))
+@given(st.lists(observations, min_size=1, max_size=4))
 @settings(max_examples=60)
-def test_what_is_seen_arrives_to_the_last_bit(several):
-    several = [
-        replace(o, name=f"picker_{n:02d}", tick=7, full=o.full and o.fill > 0.0)
-        for n, o in enumerate(several)
-    ]
-    sent = sights_of(several)
-    asked = several[::2]
-    heard = codec.observations_of(
-        read(pack(seen_of(RUN, sent, [one.name for one in asked], [])), wire.Seen)
-    )
-    assert list(heard) == [one.name for one in asked]
-    for one in asked:
-        assert_same(heard[one.name], one)
+def test_what_is_seen_arrives_to_the_last_bit(drawn):
+    """Physics puts together what all bodies see, and sends it for those that are asked."""
+    seen = []
+    for number, observation in enumerate(drawn):
+        is_full = observation.full and observation.fill > 0.0
+        name = f"picker_{number:02d}"
+        seen.append(replace(observation, name=name, tick=7, full=is_full))
+    asked = seen[::2]
+    names_asked = [observation.name for observation in asked]
+    payload = pack(seen_of(RUN, sights_of(seen), names_asked, []))
+    arrived = codec.observations_of(read(payload, wire.Seen))
+    assert list(arrived) == names_asked
+    for observation in asked:
+        assert_same(arrived[observation.name], observation)
 
 
-def assert_same(heard, observation):
-    for field in (
-        "name",
-        "tick",
-        "x",
-        "y",
-        "orientation",
-        "twist",
-        "fill",
-        "full",
-        "accuracy",
-        "charge",
-    ):
-        assert repr(getattr(heard, field)) == repr(
-            getattr(observation, field)
-        )  # repr tells -0.0 from 0.0
-    assert same_scan(heard.scan, observation.scan)
-    assert (heard.hitch is None) == (observation.hitch is None)
-    if heard.hitch is not None:
-        assert repr(heard.hitch[:5]) == repr(observation.hitch[:5])
-        assert same_scan(heard.hitch.scan, observation.hitch.scan)
+# The fields of an observation but its scan and its hitch.
+FIELDS = (
+    "name",
+    "tick",
+    "x",
+    "y",
+    "orientation",
+    "twist",
+    "fill",
+    "full",
+    "accuracy",
+    "charge",
+)
+
+
+def assert_same(arrived, sent):
+    """Assert that two observations are equal to the last bit. `repr` tells -0.0 from 0.0."""
+    for field in FIELDS:
+        assert repr(getattr(arrived, field)) == repr(getattr(sent, field)), field
+    assert is_same_scan(arrived.scan, sent.scan)
+    assert (arrived.hitch is None) == (sent.hitch is None)
+    if arrived.hitch is not None:
+        assert repr(arrived.hitch[:5]) == repr(sent.hitch[:5])
+        assert is_same_scan(arrived.hitch.scan, sent.hitch.scan)
 
 
 def seen_message():
@@ -158,7 +171,7 @@ def test_a_beam_too_many_does_not_make_up_for_one_too_few():
         )
 
 
-@given(seen)
+@given(observations)
 def test_pose_and_scan_of_one_robot_say_the_same(observation):
     pose = msgpack.unpackb(pack(odometry_of(RUN, observation)))
     scan = msgpack.unpackb(pack(scan_of(RUN, observation, KINDS["picker"].laser, AROUND)))
@@ -174,9 +187,10 @@ def test_pose_and_scan_of_one_robot_say_the_same(observation):
     assert (pose["hitch"] is None) == (observation.hitch is None)
     if observation.hitch is not None:
         assert pose["hitch"]["name"] == observation.hitch.name
-        assert (scan["rear"] and scan["rear"]["ranges"]) == (
-            None if observation.hitch.scan is None else observation.hitch.scan.tobytes()
-        )
+        if observation.hitch.scan is None:
+            assert scan["rear"] is None
+        else:
+            assert scan["rear"]["ranges"] == observation.hitch.scan.tobytes()
 
 
 @given(
@@ -210,14 +224,15 @@ def test_letters_arrive_as_they_were(body):
     assert read(pack(message), type(message)) == message
 
 
+# A velocity with whole numbers, and without the fields that are optional.
 GOOD = {"run": RUN, "tick": 1, "linear": {"x": 1}, "angular": {"z": 0}}
 
 
 def test_a_whole_number_is_a_velocity():
-    """A whole number is a velocity and what is optional may be left out."""
     assert twist_of(read(msgpack.packb(GOOD), Velocity)) == Twist(1.0)
 
 
+# What makes a velocity bad, and the fields that are then other than in GOOD.
 BAD = {
     "no number": {"linear": {"x": math.nan}},
     "infinite": {"angular": {"z": math.inf}},
@@ -297,47 +312,48 @@ def test_a_damaged_velocity_is_refused_or_still_one(data):
 def test_the_layout_arrives_as_it_is(scenario):
     layout = lay_out(scenario)
     payload = pack(orchard_of("a", 0, layout))
-    told = read(payload, wire.Orchard)
+    arrived = read(payload, wire.Orchard)
     assert len(payload) < MAX_PAYLOAD
-    assert [list(wall) for wall in told.walls] == layout.walls.tolist()
-    assert [(body.name, body.kind, body.bin) for body in told.bodies] == [
-        (start.name, start.kind, start.bin) for start in layout.starts
-    ]
-    for body, start in zip(told.bodies, layout.starts, strict=True):
-        at = body.pose.position
-        turned = body.pose.orientation
-        assert (at.x, at.y) == start.pose[:2]
-        assert abs(angle_between(yaw_of(turned.z, turned.w), start.pose.yaw)) < 1e-9
-    assert (
-        [row[1] for row in told.rows]
-        == [row[3] for row in told.rows]
-        == [lane.y for lane in layout.lanes]
-    )
-    assert {row[2] - row[0] for row in told.rows} == {layout.row_length}
-    carrier = told.kinds["carrier"]
-    assert (carrier.length, carrier.tows, carrier.laser.x, carrier.laser.range_min) == (
-        1.8,
-        1.9,
-        0.9,
-        0.0,
-    )
+    assert [list(wall) for wall in arrived.walls] == layout.walls.tolist()
+
+    for body, start in zip(arrived.bodies, layout.starts, strict=True):
+        assert body.name == start.name
+        assert body.kind == start.kind
+        assert body.bin == start.bin
+        position = body.pose.position
+        orientation = body.pose.orientation
+        assert (position.x, position.y) == start.pose[:2]
+        yaw = yaw_of(orientation.z, orientation.w)
+        assert abs(angle_between(yaw, start.pose.yaw)) < 1e-9
+
+    # A row is x and y of its west end, then of its east end.
+    for (west, west_y, east, east_y), lane in zip(arrived.rows, layout.lanes, strict=True):
+        assert west_y == lane.y
+        assert east_y == lane.y
+        assert east - west == layout.row_length
+
+    carrier = arrived.kinds["carrier"]
+    assert carrier.length == 1.8
+    assert carrier.tows == 1.9
+    assert carrier.laser.x == 0.9
+    assert carrier.laser.range_min == 0.0
 
 
 def test_a_kind_of_body_tells_how_it_drives_and_sees():
     layout = lay_out(SMALL)
     kind = KINDS["picker"]
-    told = orchard_of(RUN, 0, layout).kinds["picker"]
+    sent = orchard_of(RUN, 0, layout).kinds["picker"]
     machine = layout.machines["picker"]
     assert machine.speed != machine.turn
-    assert told.max_linear == machine.speed
-    assert told.max_angular == machine.turn
-    assert told.length == kind.length
-    assert told.width == kind.width
-    assert told.height == kind.height
-    assert told.tows == kind.tows
-    assert told.solid == kind.solid
-    assert told.robot == kind.robot
-    laser = told.laser
+    assert sent.max_linear == machine.speed
+    assert sent.max_angular == machine.turn
+    assert sent.length == kind.length
+    assert sent.width == kind.width
+    assert sent.height == kind.height
+    assert sent.tows == kind.tows
+    assert sent.solid == kind.solid
+    assert sent.robot == kind.robot
+    laser = sent.laser
     assert laser.x == kind.laser.ahead
     assert laser.beams == kind.laser.beams
     assert laser.angle_min == kind.laser.first
@@ -345,9 +361,9 @@ def test_a_kind_of_body_tells_how_it_drives_and_sees():
 
 
 @settings(max_examples=1)
-@given(seen)
+@given(observations)
 def test_a_scan_tells_the_angle_of_its_last_beam(observation):
     laser = KINDS["picker"].laser
-    told = scan_of(RUN, observation, laser, AROUND)
-    assert told.angle_min == laser.first
-    assert told.angle_max == pytest.approx(laser.first + 179 * laser.increment)
+    sent = scan_of(RUN, observation, laser, AROUND)
+    assert sent.angle_min == laser.first
+    assert sent.angle_max == pytest.approx(laser.first + 179 * laser.increment)

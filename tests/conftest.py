@@ -21,7 +21,8 @@ from orchard.sim.engine import Engine
 from orchard.sim.kernels.cache import are_compiled
 
 sys.path.insert(0, str(Path(__file__).parent / "support"))
-os.environ |= QUICK_START | os.environ  # hundreds of processes follow
+# Hundreds of processes follow.
+os.environ |= QUICK_START | os.environ
 
 import calling_agents
 from fleet import Fleet
@@ -47,7 +48,8 @@ def pytest_configure(config: pytest.Config) -> None:
         Engine.begin(Scenario(rows=3, laser={"noise": 0.01})).rehearse()
 
 
-@pytest.hookimpl(trylast=True)  # of what `-m` and `-k` have left
+# Of what `-m` and `-k` have left.
+@pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Let one worker begin with the tests of the page, and the next with those that wait for
     processes: the others compute meanwhile.

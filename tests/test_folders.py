@@ -13,7 +13,8 @@ from patience import PATIENCE
 
 from orchard.field.problems import ScenarioError
 
-SECONDS = 10  # after which a reader that waits is ended
+# After which a reader that waits is ended.
+SECONDS = 10
 
 
 @pytest.fixture

@@ -21,7 +21,8 @@ from orchard.sim.lookahead import CheckedHolds, IgnoredHolds, Lookahead
 from orchard.sim.snapshot import Snapshot
 
 BATTERY = {"hours": 0.12, "hours_to_charge": 0.04, "reserve": 0.8}
-TICKS = 2500  # by then a carrier has charged
+# By then a carrier has charged.
+TICKS = 2500
 
 
 def charging(battery: dict | None = None, **changes) -> Scenario:

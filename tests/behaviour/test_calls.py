@@ -156,7 +156,8 @@ def test_a_bin_that_calls_again_says_since_when_it_has_called():
 @pytest.mark.parametrize("dispatch", ["nearest", "orchard.dispatch.ranking.Nearest"])
 def test_soak_the_bins_are_served_in_the_order_of_their_calls(dispatch):
     stage = Stage(Scenario(rows=6, pickers=4, carriers=1, seed=2003, dispatch=dispatch))
-    jobs: list[tuple[int, str]] = []  # since when the bin had called, and its name
+    # Since when the bin had called, and its name.
+    jobs: list[tuple[int, str]] = []
     while not stage.local.engine.over:
         stage.tick()
         bins = {

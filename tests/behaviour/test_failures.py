@@ -20,7 +20,8 @@ VARIED = {
     "failure": {"mean_between": 60.0, "mean_repair": 20.0},
 }
 OFTEN = {"failure": {"mean_between": 60.0, "mean_repair": 20.0}}
-SHORT = 1100  # ticks: rows are picked, pickers fail, and bins are exchanged
+# Ticks: rows are picked, pickers fail, and bins are exchanged.
+SHORT = 1100
 
 
 def varied(seed: int = 1, **changes) -> Scenario:
@@ -75,7 +76,8 @@ def test_a_carrier_fails_after_the_drawn_drive_and_goes_on(route):
         )
     )
     sound, repair = failure(1, "carrier_01", 0, 60.0, 300.0)
-    driven = []  # distance driven after each tick
+    # Distance driven after each tick.
+    driven = []
     stage.run_until(
         lambda: (
             driven.append(stage.world.distance[stage.world.index["carrier_01"]]) or failed(stage)
@@ -153,9 +155,10 @@ def test_a_picker_that_waits_long_for_its_repair_is_no_jam():
 
 
 def test_a_picker_that_fails_before_the_roads_asks_for_no_place():
+    # x = 31.75 to 33.25.
     seed = next(
         seed for seed in range(1000) if 134.5 < failure(seed, "picker_01", 0, 60.0, 60.0)[0] < 137.5
-    )  # x = 31.75 to 33.25
+    )
     stage = Stage(
         empty_orchard(
             seed=seed,

@@ -13,9 +13,8 @@ from orchard.plans.route import OneWay
 
 
 def test_pickers_pick_their_lane_from_its_head_to_its_end():
-    stage = Stage(
-        empty_orchard(dispatch=NEAREST)
-    )  # no carrier passes the lane before the row is picked
+    # No carrier passes the lane before the row is picked.
+    stage = Stage(empty_orchard(dispatch=NEAREST))
     stage.assert_at("picker_01", x=-35.5, y=stage.world.layout.lane(1).y, heading="EAST")
     fruit = stage.bin_of("picker_01")
     took = stage.run_until(lambda: stage.is_full(fruit), 80)
@@ -88,9 +87,8 @@ def test_carriers_stop_for_an_obstacle_on_the_road():
 
 def test_a_carrier_stops_for_a_person_beside_the_bin():
     stage = Stage(empty_orchard(people=People(workers=1, visitors=0)), worker_01=Standing())
-    stage.put(
-        "worker_01", 33.2, stage.world.layout.lane(1).y - 1.9, "NORTH"
-    )  # in the way of its loop, a metre off the full bin
+    # In the way of its loop, a metre off the full bin.
+    stage.put("worker_01", 33.2, stage.world.layout.lane(1).y - 1.9, "NORTH")
     stage.run(300)
     assert stage.bin_of("picker_01"), "the empty bin was delivered"
     assert stage.is_full("bin_01")
@@ -168,9 +166,8 @@ def test_the_tractor_does_not_turn_into_what_no_laser_sees():
     stage.local.agents["worker_01"] = Acting(
         lambda seen, mail, memory: Action(answers=tell_where(seen, mail), memory=memory)
     )
-    stage.put(
-        "worker_01", -27.2, 31.2, "NORTH"
-    )  # beside its tail, when it has come to the east end
+    # Beside its tail, when it has come to the east end.
+    stage.put("worker_01", -27.2, 31.2, "NORTH")
     stage.run_until(
         lambda: stage.local.actions and stage.local.actions["tractor_01"].waits_for == "worker_01",
         60,

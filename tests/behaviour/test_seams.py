@@ -38,7 +38,8 @@ EXAMPLES = {
         "agents_without_body": {"counter": "examples.seams.bin_counter.Counter"},
     },
 }
-TICKS = 500  # in which bins call, and carriers are under way
+# In which bins call, and carriers are under way.
+TICKS = 500
 
 
 def scenario(**named) -> Scenario:

@@ -96,8 +96,14 @@ ORCHARDS = [
     (5, 5, 8, 3.15, {"row_length": 30.0, "route": TWO_WAY}),
     (4, 2, 4, 3.15, {"row_length": 30.0}),
     pytest.param(
-        12, 12, 120, 5.0, {}, marks=pytest.mark.soak
-    ),  # all ten lines of the queue are left and come back to
+        12,
+        12,
+        120,
+        5.0,
+        {},
+        marks=pytest.mark.soak,
+        # All ten lines of the queue are left and come back to.
+    ),
     pytest.param(12, 12, 120, 5.0, {"route": TWO_WAY}, marks=pytest.mark.soak),
     pytest.param(6, 2, 14, 12.0, {}, marks=pytest.mark.soak),
     pytest.param(
@@ -174,7 +180,8 @@ def test_soak_a_random_legal_scenario_delivers_all_bins(number, size):
     stage.assert_no_collisions()
 
 
-RANDOM_SEED = 20260  # of the soak's scenarios
+# Of the soak's scenarios.
+RANDOM_SEED = 20260
 
 
 def random_scenario(number: int) -> Scenario:
@@ -291,9 +298,8 @@ def lanes_touched(stage: Stage, carrier: str) -> list[tuple[str, str, int]]:
     }[stage.world.layout.scenario.route]
     for side in route.sides.values():
         for road, road_x in (("D", route.D_ROAD), ("F", route.F_ROAD)):
-            along = (
-                side.south if road == "F" and route.QUEUE == TWO_WAY else -side.south
-            )  # +1: carriers drive north there
+            # +1: carriers drive north there.
+            along = side.south if road == "F" and route.QUEUE == TWO_WAY else -side.south
             if (
                 abs(x - side.x(road_x)) > 0.01
                 or abs(facing - along * np.pi / 2) > 0.1
@@ -304,7 +310,8 @@ def lanes_touched(stage: Stage, carrier: str) -> list[tuple[str, str, int]]:
             tail = -2.4 if stage.bin_of(carrier) else -0.9
             before, past = reach[road]
             for lane in stage.world.layout.lanes:
-                here = along * (y - lane.y)  # metres past the lane
+                # Metres past the lane.
+                here = along * (y - lane.y)
                 if here + front > -before and here + tail < past:
                     touched.append((side.name, road, lane.number))
     return touched

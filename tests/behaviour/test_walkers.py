@@ -150,7 +150,8 @@ def test_weeds_disappear_when_something_moves_within_a_metre():
         empty_orchard(weeds=1, people=People(workers=1, visitors=0)), worker_01=Driven(Twist(x=1.0))
     )
     stage.put("weed_01", 0.0, 20.0)
-    stage.put("worker_01", -6.0, 21.5)  # passes with 0.75 m between their edges
+    # Passes with 0.75 m between their edges.
+    stage.put("worker_01", -6.0, 21.5)
     stage.run_until(lambda: not stage.world.alive[stage.world.index["weed_01"]], 20)
     assert -2.0 < stage.pose("worker_01")[0] < -0.5
 

@@ -47,10 +47,11 @@ def test_the_same_seed_gives_the_same_schedule():
 
 @pytest.mark.parametrize("what", sorted(CLIENTS))
 def test_a_foreign_client_breaks_no_promise(what):
+    # No recorded run is reset.
     assert (
         carry_out(plan(Fault(what, CLIENT, 10, 0.0, 0.5), has_logger=what != "reset")).complaints
         == []
-    )  # no recorded run is reset
+    )
 
 
 @pytest.mark.parametrize(
@@ -81,9 +82,8 @@ def test_a_mutation_is_found_and_shrinks_to_its_faults():
 
 ONE = "agents 1"
 OTHER = "agents 2"
-AGAIN_AND_AGAIN = [
-    Fault("kill", PHYSICS, 10, delay) for delay in (0.05, 0.5, 1.0)
-]  # until the host has asked
+# Until the host has asked.
+AGAIN_AND_AGAIN = [Fault("kill", PHYSICS, 10, delay) for delay in (0.05, 0.5, 1.0)]
 LEAVES_A_BIN = plan(begin=180)
 LOSES_A_HOST = plan(Fault("think", ONE, 20, 0.0, 30.0), patience=4.0, ticks=300)
 AWAY = plan(Fault("think", ONE, 20, 0.0, 5.0), patience=4.0, ticks=300, delays=Delays(2e-2))
@@ -287,10 +287,11 @@ def test_a_request_to_end_during_a_reset_is_not_forgotten(delay):
     assert verdict.seconds < 60.0
 
 
+# With seed 2 the client changes the scenario.
 RESET_AND_FULL = {
     "ticks": 150,
     "delays": Delays(4e-3),
-}  # with seed 2 the client changes the scenario
+}
 
 
 def test_a_reset_that_the_death_of_physics_would_undo_is_refused():

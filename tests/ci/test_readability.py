@@ -10,7 +10,8 @@ import pytest
 
 SOURCE = Path(__file__).parents[2] / ".ci" / "readability.py"
 
-SEEN = {  # measure -> code that it counts once, code that it does not count
+# Measure -> code that it counts once, code that it does not count.
+SEEN = {
     "tuple_assignments": ("names, count = [], 0", "first, last = last, first\nx, y = 0.0, 1.0"),
     "conditionals": ("(low, high)[is_full]", "if is_full:\n    fill = high"),
     "nested_conditionals": ("a if b else c if d else e", "a if b else c"),

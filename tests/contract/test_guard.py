@@ -314,9 +314,8 @@ def stop(number, frame):
 
 @pytest.mark.parametrize("handler", [signal.default_int_handler, stop])
 def test_ctrl_c_ends_the_program_whatever_agent_works(handler):
-    old = signal.signal(
-        signal.SIGINT, handler
-    )  # a shell starts a program in the background with SIGINT ignored
+    # A shell starts a program in the background with SIGINT ignored.
+    old = signal.signal(signal.SIGINT, handler)
     try:
         with pytest.raises(KeyboardInterrupt):
             Guard("picker_01", Busy(), NAMES).tick(without_body("picker_01", 7), Mail(), None)
@@ -344,9 +343,8 @@ def test_built_in_agents_pass_the_guard_of_own_agents(changes, caplog):
         name: Guard(name, AGENTS[kind_of(name)](layout, name), list(layout.agents))
         for name in layout.agents
     }
-    assert local_hash(scenario, 1700, agents) == local_hash(
-        scenario, 1700
-    )  # a bin is unloaded, and its carrier drives back
+    # A bin is unloaded, and its carrier drives back.
+    assert local_hash(scenario, 1700, agents) == local_hash(scenario, 1700)
     assert not caplog.records
 
 

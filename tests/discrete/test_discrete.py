@@ -237,7 +237,8 @@ def test_waits_and_shares_are_of_the_same_time_as_the_rate() -> None:
     layout = lay_out(orchard(rows=4, pickers=2, carriers=1))
     found = long_run(layout)
     bounds = Bounds(layout)
-    each_picker = 3600.0 * 2 / found.bins_per_hour  # s from one bin to the next
+    # s from one bin to the next.
+    each_picker = 3600.0 * 2 / found.bins_per_hour
     own_time = bounds.picking_seconds + bounds.crossing_seconds + _own_drive(layout)
     assert found.picker_waiting_seconds == pytest.approx(each_picker - own_time, rel=0.05)
     assert found.carrier_utilisation == pytest.approx(

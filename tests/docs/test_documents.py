@@ -26,17 +26,17 @@ from orchard.launch.request import RunRequest
 from orchard.launch.supervisor import free_port
 
 README = (ROOT / "README.md").read_text()
+# That one is done step by step.
 BLOCKS = [
     block for document in DOCUMENTS if "tutorial" not in document for block in blocks_in(document)
-]  # that one is done step by step
+]
 EXAMPLES = {
     block.text: ast.get_docstring(ast.parse(block.text))
     for block in blocks_in("docs/extending.md")
     if block.language == "python"
 }
-FILES = {
-    text: words for text, words in EXAMPLES.items() if words
-}  # of examples/seams; the others are programs
+# Of examples/seams; the others are programs.
+FILES = {text: words for text, words in EXAMPLES.items() if words}
 PROGRAMS = [
     block.text
     for block in BLOCKS
@@ -48,20 +48,23 @@ COMMANDS = [
     if (block.language, block.name) == ("sh", "")
     for line in block.text.splitlines()
 ]
+# Blocks that .ci/run does with the clone and the wheel that it has.
 INSTALLING = (
     "clone",
     "activate",
     "package",
     "notebook",
-)  # blocks that .ci/run does with the clone and the wheel that it has
+)
 KEYS_OF_SOME_RUNS = (
-    *("recording_parts", "recording_gaps", "messages_dropped"),  # with a recording
+    # With a recording.
+    *("recording_parts", "recording_gaps", "messages_dropped"),
     "forked_from",
     *("ticks_late", "velocities_missed", "answer_milliseconds"),  # in realtime
 )
 
 
-BRIEF = "5"  # s of a harvest, simulated
+# s of a harvest, simulated.
+BRIEF = "5"
 
 
 @pytest.mark.parametrize("code", PROGRAMS, ids=range(len(PROGRAMS)))
@@ -89,7 +92,8 @@ def test_the_commands_in_the_documents_run(command, tmp_path):
     program, *words = shlex.split(command, comments=True)
     if program == "orchard":
         record = [] if "--record" in words else ["--record", "run.rrd"]
-        words += ["--duration", BRIEF]  # the last one counts: as they stand they only take longer
+        # The last one counts: as they stand they only take longer.
+        words += ["--duration", BRIEF]
         assert run_py(*words, *record, folder=tmp_path).stdout
         return
     line = {"make": ["make", "--dry-run", *words], "python": [sys.executable, *words, "--help"]}[
@@ -168,7 +172,8 @@ def test_the_readmes_speeds_are_those_of_the_benchmarks():
         line.strip("|* ").replace("*", "").split(" | ")
         for line in (ROOT / "bench" / "results.md").read_text().splitlines()
     ]
-    rates = {row[0]: row[2].strip() for row in rows if len(row) == 6}  # with 30 robots
+    # With 30 robots.
+    rates = {row[0]: row[2].strip() for row in rows if len(row) == 6}
     assert said == (rates["our core"], rates["ir-sim 2.12.0"], rates["Stage 4.3 at 0.1 m, quoted"])
 
 

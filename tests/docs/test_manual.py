@@ -18,7 +18,8 @@ from orchard.local import Local
 DEFAULT = Scenario()
 MANUAL = parse(block("docs/manual.md", "manual"))
 QUIET = {"default": with_changes(DEFAULT, **ALONE), "manual": with_changes(MANUAL, **ALONE)}
-UNLOADED = 2  # bins: after the second one both carriers have been at the bay
+# Bins: after the second one both carriers have been at the bay.
+UNLOADED = 2
 
 # Lengths, widths and heights of the manual, m.
 SIZES = {
@@ -39,9 +40,11 @@ class Course:
     def __init__(self, scenario: Scenario) -> None:
         self.local = Local(scenario)
         self.layout = self.local.engine.layout
-        self.letters = []  # (tick, sender, recipient, message)
+        # (tick, sender, recipient, message).
+        self.letters = []
         self.events = []
-        self.southmost = dict.fromkeys(self.carriers, float("inf"))  # carrier -> y, m
+        # Carrier -> y, m.
+        self.southmost = dict.fromkeys(self.carriers, float("inf"))
         while self.local.engine.world.delivered < UNLOADED:
             self._tick()
             assert self.local.engine.tick < 6000

@@ -65,7 +65,8 @@ def test_imports_of_the_documents_come_with_a_dependency():
     }
     of_packages = packages_distributions()
     wanted = {root: of_packages.get(root, [root]) for root in imports - {*sys.stdlib_module_names}}
-    known = {"orchard", "my_picker", "stable_baselines3"}  # docs/extending.md installs the last one
+    # docs/extending.md installs the last one.
+    known = {"orchard", "my_picker", "stable_baselines3"}
     assert {root for root, names in wanted.items() if not brought & {*names}} <= known
 
 

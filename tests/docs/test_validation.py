@@ -53,7 +53,8 @@ def test_what_could_hardly_fail_does_not_count():
     """The page counts no line of its table that is fitted, could hardly fail, or is advice."""
     text = document()
     lines = [line for line in text.splitlines() if line.startswith("| ") and " | |" not in line]
-    figures = lines[1:]  # without the heading
+    # Without the heading.
+    figures = lines[1:]
     agreeing = [line for line in figures if "| agrees" in line]
     marked = Counter(re.findall(r"\| ([^|]*), does not count: ", text))
     # The boxes of the forklift, and ten reactive robots, of which one run gives two figures.

@@ -60,7 +60,8 @@ def test_recordings_of_several_runs_are_one_dataset(tmp_path):
             assert dataset.blueprints() == [dataset.default_blueprint()]
             assert len(dataset.segment_ids()) == 2
         finally:
-            process.terminate()  # an interrupt is ignored by what a shell starts in the background
+            # An interrupt is ignored by what a shell starts in the background.
+            process.terminate()
     assert (
         "docs/orchard.png"
         in python("examples/compare_recordings.py", "docs/orchard.png", code=1).stderr

@@ -41,9 +41,8 @@ def test_a_hectare_of_kiwifruit_fills_the_bins_of_its_yield(
     assert hectare.rows * hectare.row_length / layout.metres_per_bin == pytest.approx(
         tonnes * 1000 / 350, rel=0.01
     )
-    assert (
-        bins <= layout.bins < bins + hectare.pickers
-    )  # the last bin of each picker may be part full
+    # The last bin of each picker may be part full.
+    assert bins <= layout.bins < bins + hectare.pickers
 
 
 def test_a_robot_of_four_arms_takes_as_long_as_its_fruit() -> None:
@@ -205,8 +204,10 @@ def test_yield_and_rate_in_a_growers_units_give_metres_and_speed(
 ):
     crop = {"tonnes_per_hectare": tonnes, "kilograms_per_bin": kilograms}
     sizes = {"row_length": length, "row_width": width}
-    hectares = length * (width + 0.5) / 10_000  # of a row, with half of the trees on each side
-    bins = 1000 * tonnes * hectares / kilograms  # that it fills
+    # Of a row, with half of the trees on each side.
+    hectares = length * (width + 0.5) / 10_000
+    # That it fills.
+    bins = 1000 * tonnes * hectares / kilograms
     assume(5.0 <= length / bins <= 200.0)
     grower = Scenario(**sizes, crop=crop, picking_rate=rate)
     assert grower.bin_metres == pytest.approx(length / bins)

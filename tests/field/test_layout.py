@@ -27,9 +27,8 @@ CROWD = {
 }
 ONE_WAY = Scenario(carriers=40, route="one-way")
 BIGGEST = Scenario(rows=100, pickers=60, row_width=12.0, carriers=120, **CROWD)
-FULLEST = BIGGEST.model_copy(
-    update={"rows": 3, "pickers": 3, "row_width": 5.0}
-)  # all of it on the smallest ground
+# All of it on the smallest ground.
+FULLEST = BIGGEST.model_copy(update={"rows": 3, "pickers": 3, "row_width": 5.0})
 
 
 @st.composite
@@ -239,7 +238,8 @@ def test_a_given_queue_place_gives_way_to_the_nearest_free_one(
     to_the_edge = min(
         queue.north - given_place[1], given_place[1] - queue.south, abs(queue.east - given_place[0])
     )
-    assert 0.0 < moved <= max(to_the_edge, 0.0) + 0.571 + 0.5  # half a body, and the grid
+    # Half a body, and the grid.
+    assert 0.0 < moved <= max(to_the_edge, 0.0) + 0.571 + 0.5
 
 
 @pytest.mark.parametrize(
@@ -251,7 +251,8 @@ def test_a_dog_is_not_put_where_robots_drive_off(
     place: tuple[float, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(placement.GIVEN, "dog", (place,))
-    monkeypatch.setattr(layouts, "_laid_out", layouts._laid_out.__wrapped__)  # layouts are kept
+    # Layouts are kept.
+    monkeypatch.setattr(layouts, "_laid_out", layouts._laid_out.__wrapped__)
     x, y = places(Scenario())["dog_01"]
     assert 0.0 < math.dist((x, y), place) < 5.0
 
@@ -295,7 +296,8 @@ def test_every_line_has_twelve_trees_and_eleven_posts() -> None:
         xs = sorted(
             wall[0] for wall in layout.walls if wall[1] == pytest.approx(y) and wall[2] == 0.25
         )
-        assert xs == [-34.5 + 3.0 * i for i in range(23)]  # trees and posts by turns
+        # Trees and posts by turns.
+        assert xs == [-34.5 + 3.0 * i for i in range(23)]
     assert len(layout.walls) == 4 + 5 * 23
 
 
@@ -320,12 +322,14 @@ def test_the_driveway_and_the_bay_are_in_the_top_left_corner() -> None:
         (DRIVEWAY.north + DRIVEWAY.south) / 2,
     ) == pytest.approx((-34.67, 28.51))
     assert DRIVEWAY.west <= BAY.west < BAY.east <= DRIVEWAY.east
-    assert BAY.north < 26.1  # outside the tractor's sweep
+    # Outside the tractor's sweep.
+    assert BAY.north < 26.1
 
 
 @settings(max_examples=15)
 @given(scenarios())
-@example(Scenario(rows=4, pickers=2))  # the second one starts in the east
+# The second one starts in the east.
+@example(Scenario(rows=4, pickers=2))
 def test_robots_start_with_their_bins_behind_them(scenario: Scenario) -> None:
     layout = lay_out(scenario)
     for start in of(layout, "picker", "carrier"):

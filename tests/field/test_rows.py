@@ -66,7 +66,8 @@ def test_rows_are_balanced_unless_the_scenario_says_otherwise() -> None:
     )
 
 
-SEEDS = range(500)  # of 20 rows each: 10,000 draws
+# Of 20 rows each: 10,000 draws.
+SEEDS = range(500)
 N = 20 * len(SEEDS)
 
 
@@ -103,9 +104,8 @@ def share_below(distribution: str, time: float, cv: float, least: float) -> floa
             1.0
             + math.erf((math.log(share) + deviation * deviation / 2.0) / deviation / math.sqrt(2.0))
         )
-    k = round(
-        1.0 / (cv * cv)
-    )  # a gamma distribution of a whole shape: k events of a Poisson process
+    # A gamma distribution of a whole shape: k events of a Poisson process.
+    k = round(1.0 / (cv * cv))
     return 1.0 - sum(math.exp(-k * share) * (k * share) ** n / math.factorial(n) for n in range(k))
 
 
@@ -116,7 +116,8 @@ def share_below(distribution: str, time: float, cv: float, least: float) -> floa
 def test_picking_times_have_the_named_mean_and_distribution(
     distribution: str, cv: float | None, speed: float
 ) -> None:
-    cv = cv or (1.0 - speed) / 2.0  # a gamma distribution of shape 4
+    # A gamma distribution of shape 4.
+    cv = cv or (1.0 - speed) / 2.0
     drawn = times(distribution, cv, speed)
     assert fmean(drawn) == pytest.approx(1.0, abs=4 * cv / math.sqrt(N))
     assert pstdev(drawn) == pytest.approx(cv, rel=0.06)

@@ -139,7 +139,8 @@ def test_ctrl_c_ends_the_viewer_that_the_run_has_opened(mode, tmp_path):
         run.wait(PATIENCE)
         seen.wait(PATIENCE)
     finally:
-        for pid in map(int, pids.read_text().split()):  # first, for it holds run.py's output open
+        # First, for it holds run.py's output open.
+        for pid in map(int, pids.read_text().split()):
             if psutil.pid_exists(pid):
                 os.kill(pid, signal.SIGKILL)
         run.kill()

@@ -299,7 +299,8 @@ def test_processes_take_turns():
     take_turns(child.pid)
     assert os.sched_getscheduler(child.pid) == os.SCHED_BATCH
     child.communicate(b"\n", timeout=PATIENCE)
-    take_turns(child.pid)  # a process that has ended takes no turn, and that is no mistake
+    # A process that has ended takes no turn, and that is no mistake.
+    take_turns(child.pid)
 
 
 def test_a_process_is_ended_when_its_token_is_gone_too_long(clock):

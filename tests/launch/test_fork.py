@@ -99,7 +99,8 @@ def test_a_fork_without_changes_has_the_hash_of_its_parent():
 
 def test_a_fork_leaves_agents_behind_that_were_given_to_play():
     class Standing:
-        Memory = dict  # nothing that a picker remembers
+        # Nothing that a picker remembers.
+        Memory = dict
 
         def tick(self, seen, mail, memory):
             return Action(memory={"ticks": 1})

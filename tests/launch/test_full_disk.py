@@ -14,8 +14,10 @@ from patience import PATIENCE
 
 from orchard.field.scenario import Scenario
 
-DURATION = 40.0  # simulated s; the scenery alone, which is recorded first, is larger than the disk
-SHORT = 5.0  # simulated s, where nothing is recorded
+# Simulated s; the scenery alone, which is recorded first, is larger than the disk.
+DURATION = 40.0
+# Simulated s, where nothing is recorded.
+SHORT = 5.0
 FULL = "No space left on device"
 
 
@@ -59,7 +61,8 @@ def harvest(
 def test_a_full_disk_loses_recordings_but_not_the_result(small_disk, tmp_path, mode):
     """A line says that the recording is lost, and another one that the snapshots are."""
     path = tmp_path / "summary.json"
-    slow = "--speed", 10  # enough that snapshots follow after the recording has filled the disk
+    # Enough that snapshots follow after the recording has filled the disk.
+    slow = "--speed", 10
     done = harvest(small_disk, DURATION, "--mode", mode, "--summary", path, *slow)
     said = done.stdout + done.stderr
     assert done.returncode == 0, said

@@ -27,6 +27,7 @@ def test_the_commands_of_the_document_harvest_the_sample(tmp_path):
     pytest.importorskip("pyproj", reason=NEEDS)
     make, harvest, export = commands(block("docs/how-to.md", "own orchard"))
     make = [str(SAMPLE) if word.endswith(".geojson") else word for word in make]
+    # As it stands it only takes longer.
     short = [
         *harvest,
         "--mode",
@@ -35,7 +36,7 @@ def test_the_commands_of_the_document_harvest_the_sample(tmp_path):
         "none",
         "--duration",
         "2",
-    ]  # as it stands it only takes longer
+    ]
     for words in (make, short, export):
         done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE)
         assert done.returncode == 0, done.stdout + done.stderr

@@ -160,9 +160,8 @@ def test_a_stop_stops_all_runs_here_whatever_one_does(runs, monkeypatch, capsys)
     gone = noted(runs, RunNote("c", "tcp/127.0.0.1:9", "run c"))
     with two_runs(runs) as going, gone, ThreadPoolExecutor() as pool:
         asked = pool.submit(stop)
-        questions = [
-            physics.inbox.take(PATIENCE) for physics in going
-        ]  # the second one is asked before the first one has answered
+        # The second one is asked before the first one has answered.
+        questions = [physics.inbox.take(PATIENCE) for physics in going]
         for question, name in zip(questions, "ab", strict=True):
             question.reply(pack(Stopped(name, 0, [f"picker_{name}"], [f"picker_{name}"], True)))
             question.drop()

@@ -43,8 +43,10 @@ def test_what_is_ignored_and_what_is_chosen_is_told(options, words):
 SPEEDS = [
     (100.0, None, 48.49, "the speed of 100 times real time was not kept: the machine reached 20.0"),
     (100.0, None, 9.8, ""),
-    (None, None, 500.0, ""),  # as fast as possible
-    (100.0, BEFORE, 603.7, ""),  # the part before it was resumed was slow
+    # As fast as possible.
+    (None, None, 500.0, ""),
+    # The part before it was resumed was slow.
+    (100.0, BEFORE, 603.7, ""),
     (
         100.0,
         BEFORE,

@@ -193,7 +193,8 @@ MISTAKES = [
     (
         ["--pickers", "9"],
         "command line: --pickers = 9, rows = 5: must be at most one picker a row",
-    ),  # nobody typed --rows
+        # Nobody typed --rows.
+    ),
     (["--resume", "."], ".: no usable snapshot"),
     (
         ["--mode", "realtime", "--speed", "max"],

@@ -65,7 +65,8 @@ TOKEN = KEYS.of("alive", "picker_01", "a")
 GONE = Alive(TOKEN, False)
 BACK = Alive(TOKEN, True)
 LEFT = Sample(KEYS.of("left", session="a"), pack(Departure(RUN)))
-ASKS = Query(KEYS.of("join", session="a"), b"")  # again and again, while nobody replies
+# Again and again, while nobody replies.
+ASKS = Query(KEYS.of("join", session="a"), b"")
 
 
 LEAVINGS = [

@@ -22,14 +22,17 @@ from orchard.net.zenoh_bus import router
 pytestmark = pytest.mark.processes
 
 PORT = 7447
-MIDDLE = [f"tcp/192.168.{n}.10:{PORT}" for n in (1, 2, 3)]  # the router, as each guest finds it
+# The router, as each guest finds it.
+MIDDLE = [f"tcp/192.168.{n}.10:{PORT}" for n in (1, 2, 3)]
+# Slow enough that a fault meets the run where it shall.
 PACE = (
     "--speed",
     "5",
     "--duration",
     str(TICKS / 10),
-)  # slow enough that a fault meets the run where it shall
-DOWN = 5.0  # s, for which links are down
+)
+# s, for which links are down.
+DOWN = 5.0
 
 
 @needs_machines
@@ -62,9 +65,10 @@ def test_links_that_are_down_for_five_seconds_change_nothing(fleet, undisturbed)
         for tick, guest in ((20, 2), (60, 1)):
             wait_for(clock, lambda message, tick=tick: message["tick"] >= tick)
             with unplugged(middle, guest), pytest.raises(queue.Empty):
+                # Five times as many would have come.
                 wait_for(
                     clock, lambda message, tick=tick: message["tick"] >= tick + 10 * DOWN, DOWN
-                )  # five times as many would have come
+                )
         assert fleet.end() == undisturbed
 
 
@@ -82,8 +86,10 @@ def test_a_slow_link_changes_nothing(fleet, undisturbed):
 
 # A whole harvest of three rows, with three exchanges.
 BRIEF = Scenario(rows=3, row_length=20.0, carriers=2, **ALONE)
-UNLOADED = 2864  # ticks, until the last bin is unloaded
-FIRST_EXCHANGE = 600  # ticks, until both pickers have another bin
+# Ticks, until the last bin is unloaded.
+UNLOADED = 2864
+# Ticks, until both pickers have another bin.
+FIRST_EXCHANGE = 600
 
 
 @needs_machines

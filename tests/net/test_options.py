@@ -99,9 +99,8 @@ def test_a_port_that_is_given_is_taken_as_it_is():
 
 def test_other_machines_reach_all_addresses_at_one(monkeypatch):
     assert from_elsewhere("tcp/192.168.1.10:7447") == "tcp/192.168.1.10:7447"
-    monkeypatch.setitem(
-        OUTSIDE, "0.0.0.0", "127.0.0.9"
-    )  # the way to this address begins at 127.0.0.1 on any machine
+    # The way to this address begins at 127.0.0.1 on any machine.
+    monkeypatch.setitem(OUTSIDE, "0.0.0.0", "127.0.0.9")
     assert from_elsewhere("tcp/0.0.0.0:7447") == "tcp/127.0.0.1:7447"
 
 

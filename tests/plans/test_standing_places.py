@@ -30,7 +30,8 @@ F_ROAD = OneWay.F_ROAD
 FULL_BIN = OneWay.FULL_BIN
 STOP = OneWay.STOP
 WAITING = OneWay.WAITING
-PITCH = 5.5  # m, at the narrowest rows
+# m, at the narrowest rows.
+PITCH = 5.5
 QUARTER = np.pi / 2
 
 

@@ -45,9 +45,8 @@ def test_turning_waits_for_what_the_bin_will_sweep():
     stage = one_guest("worker", -2.0, 21.6)
     stage.local.agents["worker_01"] = Standing()
     stage.put("carrier_01", 0.0, 20.0)
-    stage.give(
-        "carrier_01", [Face("SOUTH")]
-    )  # to the right: the bin swings to the north, where the worker stands
+    # To the right: the bin swings to the north, where the worker stands.
+    stage.give("carrier_01", [Face("SOUTH")])
     stage.run(10)
     stage.assert_at("carrier_01", 0.0, 20.0, "EAST")
     stage.assert_no_collisions()
@@ -91,7 +90,8 @@ def test_a_movement_ends_right_after_something_in_the_way():
         ),
         20,
     )
-    stage.local.agents["worker_01"] = Driven(Twist(x=1.0))  # it walks away to the north
+    # It walks away to the north.
+    stage.local.agents["worker_01"] = Driven(Twist(x=1.0))
     stage.run_until(lambda: not stage.local.memories["carrier_01"].plan, 60)
     stage.assert_at("carrier_01", 4.3, 18.0, "EAST")
 
@@ -172,7 +172,8 @@ class Nudge(Step, frozen=True):
 
 def test_a_drive_after_a_turn_of_the_same_tick_looks_ahead():
     stage = Stage(empty_orchard(tractor=True))
-    stage.put("tractor_01", -45.0, 29.0), stage.put("carrier_01", -30.0, 29.0)
+    stage.put("tractor_01", -45.0, 29.0)
+    stage.put("carrier_01", -30.0, 29.0)
     stage.give("tractor_01", [Nudge(), DriveTo(x=-10.0)])
     stage.tick()
     assert stage.local.actions["tractor_01"].hold.watch == (
@@ -183,7 +184,8 @@ def test_a_drive_after_a_turn_of_the_same_tick_looks_ahead():
 def test_a_robot_with_nothing_near_is_asked_at_its_turns_end():
     stage = turning()
     asked = []
-    for tick in range(80):  # a half turn takes 8 s
+    # A half turn takes 8 s.
+    for tick in range(80):
         stage.tick()
         asked += [tick] if "tractor_01" in stage.local.answers else []
     stage.assert_at("tractor_01", x=-35.0, y=29.0, heading="WEST")
@@ -194,6 +196,7 @@ def test_a_turning_robot_is_asked_when_something_comes_near():
     stage = turning("WEST", "EAST")
     stage.put("carrier_01", -40.5, 29.0)
     stage.local.agents["carrier_01"] = Driven(Twist(x=1.0))
-    stage.tick(), stage.tick()
+    stage.tick()
+    stage.tick()
     assert "tractor_01" not in stage.local.answers
     stage.run_until(lambda: stage.local.actions["tractor_01"].waits_for == IN_TURN, seconds=3.0)

@@ -117,11 +117,14 @@ EARLY = {
     "rows_to_pickers": "balanced-ends",
 }
 LIMITS = [
-    {"picking_speed": 0.05, "seed": 4, **UNEQUAL_ROWS},  # pickers allow together what each allows
+    # Pickers allow together what each allows.
+    {"picking_speed": 0.05, "seed": 4, **UNEQUAL_ROWS},
     {"picking_speed": 0.05, "seed": 10, **UNEQUAL_ROWS},
-    {"row_length": 40.0, "metres_per_bin": 200.0},  # a part-full last bin is no whole one
+    # A part-full last bin is no whole one.
+    {"row_length": 40.0, "metres_per_bin": 200.0},
     {"metres_per_bin": 130.0},
-    {"dispatch": "predictive", **EARLY},  # carriers leave when pickers drive into short rows
+    # Carriers leave when pickers drive into short rows.
+    {"dispatch": "predictive", **EARLY},
 ]
 
 

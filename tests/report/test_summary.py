@@ -136,13 +136,16 @@ def test_the_headline_names_broken_agents():
 
 
 TIMES_LEFT = [
-    ({}, None, 45.0),  # the schedule's rest, 1350 s
-    ({}, 361.5, 10.0),  # the run's duration is over sooner
+    # The schedule's rest, 1350 s.
+    ({}, None, 45.0),
+    # The run's duration is over sooner.
+    ({}, 361.5, 10.0),
     (
         {"sim_seconds": 1300.0},
         None,
         pytest.approx(1411.5 * (1 - (525 / 70 + 1) / 40) / 30),
-    ),  # behind its schedule: the share not done
+        # Behind its schedule: the share not done.
+    ),
     ({"sim_seconds": 2000.0, "metres_picked": 1400.0, "bins_delivered": 20}, None, 0.0),
 ]
 
@@ -216,7 +219,8 @@ HALVED = (
 
 ENDS = [
     ({}, f"{WELL}."),
-    ({"ended": "stopped"}, f"{WELL}."),  # Ctrl-C came when all was done
+    # Ctrl-C came when all was done.
+    ({"ended": "stopped"}, f"{WELL}."),
     (
         {"violations": ["a", "b"], "broken_agents": ["cat_01, since tick 9"]},
         f"{WELL}; 2 violations; 1 broken agent.",

@@ -86,7 +86,8 @@ def test_an_agent_does_not_move_what_another_holds(farm):
     for ahead in range(3):
         amy.drive_as(amy.bus.id, ben.bus.id, HERS, tick + ahead)
         amy.drive_as(ben.bus.id, ben.bus.id, HERS, tick + ahead)
-    assert amy.asks("scenario")  # physics has read what came before
+    # Physics has read what came before.
+    assert amy.asks("scenario")
     for ahead in range(3):
         velocities = wire.Velocities(farm.run, tick + ahead, ben.bus.id, {HERS: wire.Report()})
         ben.bus.publish(KEYS.of("velocities", session=ben.bus.id), pack(velocities))
@@ -102,7 +103,8 @@ def test_an_agent_is_alive_under_its_own_name_only(farm):
     amy.bus.declare_alive(KEYS.of("alive", HERS, ben.bus.id))
     amy.bus.declare_alive(KEYS.of("alive", MINE, amy.bus.id))
     missing = "its liveliness token is missing"
-    assert amy.join(MINE) == ""  # physics has heard of what came before
+    # Physics has heard of what came before.
+    assert amy.join(MINE) == ""
     assert amy.join(HERS) == missing
     assert ben.join(HERS) == missing
     ben.bus.declare_alive(KEYS.of("alive", HERS, ben.bus.id))

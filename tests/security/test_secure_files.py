@@ -28,7 +28,8 @@ from orchard.security.identity import Keyring
 from orchard.security.roles import AUTHORITY
 from orchard.wire.messages import Clock, read
 
-LONGEST = "w" * 64  # the longest name of an agent
+# The longest name of an agent.
+LONGEST = "w" * 64
 
 
 def test_keys_are_for_the_owners_eyes_only(folder):
@@ -177,7 +178,8 @@ def with_more_names(own: Path, stranger: Path) -> None:
     )
 
 
-NO_USE = [  # what makes a role's directory useless -> what is said of it
+# What makes a role's directory useless -> what is said of it.
+NO_USE = [
     (lambda own, stranger: (own / "key.pem").unlink(), "key.pem: no such file"),
     (
         lambda own, stranger: shutil.copy(stranger / "amy" / "key.pem", own),
@@ -235,7 +237,8 @@ def test_a_private_key_that_others_can_read_is_named(roles, caplog):
 
 pytestmark = pytest.mark.processes
 
-HOSTS = ("amy", "ben", "shed", "agents_1", "agents_2")  # roles of the small scenario
+# Roles of the small scenario.
+HOSTS = ("amy", "ben", "shed", "agents_1", "agents_2")
 
 
 def test_a_secured_run_is_local_mode(folder, tmp_path):
@@ -254,7 +257,8 @@ def test_a_secured_run_is_local_mode(folder, tmp_path):
     )
     assert summary_of(summary)["hash"] == local_hash(SMALL, 300)
     assert summary_of(summary)["messages_refused"] == {}
-    assert recording.stat().st_size > 100_000  # the logger has heard what happened
+    # The logger has heard what happened.
+    assert recording.stat().st_size > 100_000
 
 
 @pytest.mark.parametrize("its", ["router", pytest.param("physics", marks=pytest.mark.soak)])
@@ -346,7 +350,8 @@ def test_the_commands_of_the_document_run_in_order(tmp_path):
     """The last commands run on two machines."""
     alone = commands(block("docs/security.md", "secured"))
     make_roles, first, second = commands(block("docs/security.md", "secured, two machines"))
-    for command in (*alone, make_roles, first):  # what `second` runs follows from the run
+    # What `second` runs follows from the run.
+    for command in (*alone, make_roles, first):
         command += ["--rows", "3"]
     alone[-1] += ["--duration", "5", "--record", "none"]
     first += ["--duration", "30", "--record", "none", "--summary", str(tmp_path / "summary.json")]

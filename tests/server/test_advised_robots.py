@@ -108,7 +108,8 @@ def test_advice_wakes_the_agent_of_a_robot_that_holds(run):
     """The agent is asked again, because the robot is no longer where the hold expects it."""
     engine = run.physics.run.engine
     one_tick(run)
-    engine.observe(), engine.due(())
+    engine.observe()
+    engine.due(())
     engine.advance({NAME: Action(Twist(1.0), hold=Hold(90))}, {})
     assert NAME not in one_tick(run)
     assert speed(run) == 1.0
@@ -139,7 +140,8 @@ def test_advice_that_cannot_be_is_refused(run, key, message, reason):
     assert speed(run) == 0.0
 
 
-LETS_GO = 250  # ticks, of 300
+# Ticks, of 300.
+LETS_GO = 250
 
 
 class Outside:
@@ -245,14 +247,17 @@ def test_a_silent_session_loses_also_agents_that_hold(run):
     drivers = run.physics.run.drivers
     silent = ["worker_01", "traffic"]
     other = ["picker_01"]
-    coming(drivers, "first", silent), coming(drivers, "second", other)
+    coming(drivers, "first", silent)
+    coming(drivers, "second", other)
     engine = run.physics.run.engine
-    engine.observe(), engine.due(())
+    engine.observe()
+    engine.due(())
     engine.advance({name: Action(hold=Hold(500)) for name in (*silent, *other)}, {})
     engine.wake(["worker_01", *other])
     drivers.begin(engine.observe(), 0.0)
     assert drivers.answers.missing == {"worker_01", "picker_01"}
-    drivers.answers.missing.discard("picker_01")  # it has answered
+    # It has answered.
+    drivers.answers.missing.discard("picker_01")
     drivers.give_up()
     assert sorted(drivers.roster.owners) == ["picker_01"]
     assert sorted(drivers.lost) == ["traffic", "worker_01"]

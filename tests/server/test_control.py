@@ -200,7 +200,8 @@ def test_an_agent_silent_during_a_pause_is_not_missed(fleet):
     asked(someone, "set_simulation_state", state="paused")
     deadline = time.monotonic() + PATIENCE
     token = someone.declare("orchard/alive/traffic/silent")
-    while someone.join("traffic", "silent")["refused"]:  # its token may come later
+    # Its token may come later.
+    while someone.join("traffic", "silent")["refused"]:
         assert time.monotonic() < deadline
     for _ in range(4):
         wait_for(clock, lambda message: message["tick"] == 0)

@@ -50,7 +50,8 @@ def process_of(run: subprocess.Popen, word: str) -> psutil.Process:
 def first_process(run: subprocess.Popen, word: str) -> psutil.Process:
     deadline = time.monotonic() + PATIENCE
     while time.monotonic() < deadline:
-        with suppress(StopIteration, psutil.Error):  # not there yet, or just gone
+        # Not there yet, or just gone.
+        with suppress(StopIteration, psutil.Error):
             return process_of(run, word)
     raise AssertionError(f"{word} was never started")
 

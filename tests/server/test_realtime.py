@@ -31,7 +31,8 @@ from orchard.wire.messages import (
     Velocity,
 )
 
-STEP = 0.125  # s of wall time to a tick
+# s of wall time to a tick.
+STEP = 0.125
 COUPLE = Couple("bin_01")
 
 

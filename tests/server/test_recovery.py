@@ -22,12 +22,13 @@ from orchard.sim.engine import Engine
 from orchard.sim.snapshot import as_file, newest
 from orchard.wire.keys import Keys
 
+# Slow enough that a fault meets the run where it shall.
 PACE = (
     "--speed",
     "15",
     "--duration",
     str(TICKS / 10),
-)  # slow enough that a fault meets the run where it shall
+)
 
 
 def wait_for_tick(fleet, tick):
@@ -50,7 +51,8 @@ def test_hosts_killed_while_bins_call_change_nothing(fleet, dispatch):
     scenario = empty_orchard(dispatch=dispatch)
     fleet.physics(scenario, "--speed", "30", "--duration", "90")
     fleet.share(2)
-    for tick in (20, 300, 700):  # bins report; carriers are under way; bins are left
+    # Bins report; carriers are under way; bins are left.
+    for tick in (20, 300, 700):
         wait_for_tick(fleet, tick)
         end(fleet.hosts.pop(0))
         fleet.host("--share", f"{0 if tick != 300 else 1}/2")

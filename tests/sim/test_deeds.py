@@ -58,7 +58,8 @@ def test_a_bin_elsewhere_or_askew_does_not_couple(spot, why):
 def test_coupling_and_uncoupling_want_both_to_stand():
     spot = beside()
     spot.drive(1, picker_01=Twist(0.5))
-    assert "moves" in spot.do("picker_01", Couple("bin_02"))[0].detail  # it moved a tick ago
+    # It moved a tick ago.
+    assert "moves" in spot.do("picker_01", Couple("bin_02"))[0].detail
     assert (
         "moves"
         in spot.drive(1, deeds=[("picker_01", Couple("bin_02"))], picker_01=Twist(0.5))[0].detail

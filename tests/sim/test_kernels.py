@@ -25,11 +25,12 @@ PROGRAM = (
     "from local_runs import local_hash; from orchard.field.scenario import Scenario;"
     f" print(local_hash(Scenario(rows=3), {TICKS}))"
 )
+# Kernels that every start loads.
 LOADED = (
     "move.quaternions",
     "holds.begin_holds",
     "move.overlaps",
-)  # kernels that every start loads
+)
 
 
 def simulated(cache_folder) -> subprocess.CompletedProcess:
@@ -74,7 +75,8 @@ def test_kernels_of_other_sources_go_after_a_day_without_use(tmp_path):
     old, loaded, new, own = folders.values()
     for folder in folders.values():
         KernelFiles(folder).keep("scan.nbc", CODE)
-    (old / ".laser.nbc.4711.new").write_bytes(CODE)  # of a process that was killed
+    # Of a process that was killed.
+    (old / ".laser.nbc.4711.new").write_bytes(CODE)
     for folder in (old, loaded, own):
         os.utime(folder, (now, now - cache.UNUSED_SECONDS - 60.0))
     assert KernelFiles(loaded).load("scan.nbc") == CODE
@@ -133,9 +135,8 @@ def test_a_folder_that_may_be_the_users_stays_as_it_is(changed, tmp_path):
 
 def test_torn_kernels_are_compiled_anew_in_the_same_run(kept):
     for name, damage in zip(LOADED, (tear, flip, lambda path: path.write_bytes(b"")), strict=True):
-        files = [
-            *kept.glob(f"{name}-*.nbc")
-        ]  # more than one, if another test has compiled it for another processor
+        # More than one, if another test has compiled it for another processor.
+        files = [*kept.glob(f"{name}-*.nbc")]
         assert files
         for file in files:
             damage(file)

@@ -117,7 +117,8 @@ def test_holds_change_no_stopped_reset_and_handed_over_run(scenario, data):
             if local.engine.tick == at[0]:
                 local.engine.stop([robot])
             if local.engine.tick == at[1]:
-                local.engine.wake(local.agents)  # as if other processes had taken all agents over
+                # As if other processes had taken all agents over.
+                local.engine.wake(local.agents)
             if local.engine.tick == at[2]:
                 local.engine.reset([robot])
             if local.engine.tick == at[3]:
@@ -178,9 +179,8 @@ def test_mail_ends_a_hold_a_request_and_the_reply_to_an_own_one():
 
 
 def test_a_refused_step_ends_a_hold():
-    stage = stage_of(
-        picker_01=(picker := Holder(Twist(1.0))), bin_01=Holder()
-    )  # its bin stays, and soon holds it back
+    # Its bin stays, and soon holds it back.
+    stage = stage_of(picker_01=(picker := Holder(Twist(1.0))), bin_01=Holder())
     stage.run(0.6)
     refused = int(stage.world.refused[stage.world.index["picker_01"]])
     assert refused > 0
@@ -193,7 +193,8 @@ def test_a_stop_ends_the_hold_of_what_moves():
     stage.run(0.2)
     stage.local.engine.stop(["tractor_01"])
     stage.run(0.2)
-    assert tractor.asked == [0, 3]  # the step from tick 2 was not done
+    # The step from tick 2 was not done.
+    assert tractor.asked == [0, 3]
     stage.local.engine.reset(["tractor_01"])
     stage.run(0.3)
     assert tractor.asked == [0, 3, 4]
@@ -211,14 +212,16 @@ def test_another_velocity_at_the_bar_ends_a_hold():
     stage.local.agents["bin_01"] = bin_ = Holder()
     stage.give("picker_01", [DriveTo(x=-30.0, speed=0.1)])
     stage.run(0.3)
-    assert bin_.asked == [0, 1]  # the picker drives since tick 0
+    # The picker drives since tick 0.
+    assert bin_.asked == [0, 1]
 
 
 def passed_by(x, y, **zones):
     scenario = empty_orchard(people=People(workers=1, visitors=1))
     watcher = Holder(**zones)
     stage = stage_of(scenario, worker_01=watcher, visitor_01=Holder(Twist(0.5)))
-    stage.put("worker_01", 0.0, -30.0), stage.put("visitor_01", x, y, "NORTH")
+    stage.put("worker_01", 0.0, -30.0)
+    stage.put("visitor_01", x, y, "NORTH")
     return stage, watcher
 
 
@@ -227,9 +230,8 @@ def test_a_zone_that_becomes_occupied_or_free_ends_a_hold():
     stage.run(13)
     entered, left = watcher.asked[1:]
     assert 30 < entered < left < 100
-    assert left - entered == pytest.approx(
-        (1.0 + 0.55) / 0.05, abs=6
-    )  # the zone's width, and the visitor's length
+    # The zone's width, and the visitor's length.
+    assert left - entered == pytest.approx((1.0 + 0.55) / 0.05, abs=6)
 
 
 def test_a_still_zone_ends_a_hold_at_each_change_in_it():
@@ -240,9 +242,8 @@ def test_a_still_zone_ends_a_hold_at_each_change_in_it():
 
 
 def test_another_freer_side_ends_a_hold():
-    stage, watcher = passed_by(
-        1.5, -32.5, freer_within=3.0
-    )  # on its right, and on its way to the left
+    # On its right, and on its way to the left.
+    stage, watcher = passed_by(1.5, -32.5, freer_within=3.0)
     sides = []
     for _ in range(110):
         sides.append(is_left_freer(stage.local.engine.observe()["worker_01"].scan, 3.0))
@@ -286,7 +287,8 @@ def test_agents_and_physics_see_the_same_freer_side(ranges, reach):
 
 def test_a_steering_walker_is_asked_only_when_that_changes():
     stage = Stage(empty_orchard(people=People(workers=1, visitors=1)))
-    stage.put("worker_01", 0.0, -30.0, "EAST"), stage.put("visitor_01", 3.9, -30.3)
+    stage.put("worker_01", 0.0, -30.0, "EAST")
+    stage.put("visitor_01", 3.9, -30.3)
     stage.local.agents["visitor_01"] = Holder()
     asked = []
     does = []

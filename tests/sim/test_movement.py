@@ -207,7 +207,8 @@ def test_a_robot_cannot_leave_its_bin_behind():
 
 def test_a_touching_robot_may_only_turn_away():
     boxes = [sense._Part(Pose(0.0, 0.0, 0.0), 0.9, 0.75)]
-    touched = np.array([[0.8, 0.76]])  # on its left, near its front
+    # On its left, near its front.
+    touched = np.array([[0.8, 0.76]])
     assert not sense._swept(touched, boxes, -0.3)
     assert sense._swept(touched, boxes, 0.3)
 

@@ -24,7 +24,8 @@ def test_a_row_from_end_to_end_fills_a_bin():
         ("row picked", "picker_01", "bin_02"),
         ("bin full", "bin_02", "picker_01"),
     ]
-    assert row.events[0].tick == 705  # 70.55 m at 0.1 m a tick
+    # 70.55 m at 0.1 m a tick.
+    assert row.events[0].tick == 705
     assert row.events[0].detail == "row 1"
 
 
@@ -81,7 +82,8 @@ def test_nothing_is_picked(case):
 
 def test_a_second_bin_goes_on_where_the_first_ended():
     row = picker_with_bin(x=-20.0)
-    row.world.row_ends[0, 0] = 10.0  # picked up to x = -25.5
+    # Picked up to x = -25.5.
+    row.world.row_ends[0, 0] = 10.0
     row.drive(10, **train(x=1.0))
     assert row.world.row_picked[0] == 10.0
     row.drive(70, **train(x=-1.0))
@@ -100,7 +102,8 @@ def test_a_part_inside_a_row_is_picked_up_to_the_edge():
     assert row.world.row_ends[0].tolist() == pytest.approx([0.0, 0.0, 6.1, 65.8])
     assert row.world.row_picked[0] == pytest.approx(1.9)
     assert row.of("fill", "bin_02") == pytest.approx(1.9)
-    row.world.row_ends[0, 1] = 63.0  # picked from the east end up to x = -28.5
+    # Picked from the east end up to x = -28.5.
+    row.world.row_ends[0, 1] = 63.0
     row.drive(20, **train(x=0.5))
     assert row.world.row_ends[0].tolist() == pytest.approx([0.0, 65.8, 0.0, 0.0])
     assert row.of("fill", "bin_02") == pytest.approx(2.8)
@@ -123,12 +126,14 @@ def test_a_picker_picks_at_one_speed_and_drives_at_another():
     row.drive(1, picker_01=Twist(-1.0))
     assert row.of("twist", "picker_01")[0] == -0.25
     row.drive(1, picker_01=Twist(-1.0))
-    assert row.of("twist", "picker_01")[0] == -1.0  # over what is picked
+    # Over what is picked.
+    assert row.of("twist", "picker_01")[0] == -1.0
     row.world.fill[1] = 70.0
     row.put("picker_01", 0.0, LANE, EAST)
     row.put("bin_02", -2.25, LANE, EAST)
     row.drive(1, **train(x=1.0))
-    assert row.of("twist", "picker_01")[0] == 1.0  # its bin is full
+    # Its bin is full.
+    assert row.of("twist", "picker_01")[0] == 1.0
 
 
 @settings(max_examples=30)
@@ -213,7 +218,8 @@ def test_a_bin_not_full_or_not_on_a_carrier_stays_loaded():
 
 def test_one_bin_at_a_time_is_unloaded_and_who_began_goes_on():
     bay = carriers_in_bay(BAY_X - 1.5, BAY_X + 1.7)
-    bay.drive(1, carrier_01=Twist(yaw=0.01))  # bin_04 begins
+    # bin_04 begins.
+    bay.drive(1, carrier_01=Twist(yaw=0.01))
     bay.drive(48)
     assert bay.world.delivered == 0
     assert [event.who for event in bay.drive(1)] == ["bin_04"]

@@ -90,10 +90,12 @@ def test_all_agents_started_afresh_at_every_tick_changes_nothing():
 
 
 ANY_PROCESSOR = {
-    "NPY_DISABLE_CPU_FEATURES": "X86_V4",  # numpy without AVX-512
+    # Numpy without AVX-512.
+    "NPY_DISABLE_CPU_FEATURES": "X86_V4",
     "OPENBLAS_CORETYPE": "Nehalem",  # another BLAS
     "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2,-AVX2_Usable,-FMA_Usable",
-    "NUMBA_CPU_NAME": "x86-64",  # kernels that are compiled for any of them
+    # Kernels that are compiled for any of them.
+    "NUMBA_CPU_NAME": "x86-64",
     "NUMBA_CPU_FEATURES": "",
 }
 

@@ -18,7 +18,8 @@ from orchard.field.scenario import LaserSettings, Scenario
 from orchard.sim.scan import Scanner, observe
 from orchard.sim.world import NONE, World
 
-EXACT = 1e-9  # m; a beam that passes a corner this near may hit or miss it
+# m; a beam that passes a corner this near may hit or miss it.
+EXACT = 1e-9
 # Of the beams of a laser that looks forward, the first left of straight ahead; 89 is the first
 # right of it.
 AHEAD = 90
@@ -149,14 +150,14 @@ def test_noise_follows_from_seed_name_and_tick():
 
 def test_noise_has_the_set_deviation_and_no_bias():
     clean = noisy(noise=0.0)[0]
-    sure = clean < 9.0  # not cut off at the range
+    # Not cut off at the range.
+    sure = clean < 9.0
     errors = np.concatenate([noisy(tick=tick)[0][sure] - clean[sure] for tick in range(40)])
     assert len(errors) > 3000
     assert abs(errors.mean()) < 0.002
     assert errors.std() == pytest.approx(0.02, rel=0.05)
-    assert np.mean(np.abs(errors) < 0.02) == pytest.approx(
-        0.683, abs=0.03
-    )  # the normal distribution's share
+    # The normal distribution's share.
+    assert np.mean(np.abs(errors) < 0.02) == pytest.approx(0.683, abs=0.03)
 
 
 def test_noise_stays_within_the_range():

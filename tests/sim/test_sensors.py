@@ -330,9 +330,8 @@ def test_a_robot_searches_for_a_coupling_point_that_it_misses(x, y):
     bin_ = stage.world.index[name]
     stage.world.coupled[[stage.world.index["carrier_01"], bin_]] = NONE
     stage.world.pose[bin_, :2] += x, y
-    stage.give(
-        "carrier_01", [TakeBin(bin=name)], job=Job(name, 1, "east", "picker_01")
-    )  # so that no bin calls it away
+    # So that no bin calls it away.
+    stage.give("carrier_01", [TakeBin(bin=name)], job=Job(name, 1, "east", "picker_01"))
     stage.run_until(lambda: stage.bin_of("carrier_01") == name, 60.0)
     assert stage.happened("deed refused", "carrier_01")
 

@@ -77,7 +77,8 @@ def test_two_forks_of_one_snapshot_go_their_own_ways():
     one = Local.resume(snapshot)
     other = Local.resume(snapshot)
     del other.agents["picker_01"]
-    played(one, 150), played(other, 150)
+    played(one, 150)
+    played(other, 150)
     assert one.engine.world.row_picked[0] > 14.9
     assert other.engine.world.row_picked[0] < 10.2
 

@@ -29,7 +29,8 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from bench.core import drive, world_of
 from bench.field import growing
 
-TRIES = 3  # the machine may be busy: one good try is enough
+# The machine may be busy: one good try is enough.
+TRIES = 3
 
 
 def seconds(work: Callable[[], object], repeats: int) -> float:

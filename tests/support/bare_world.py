@@ -18,7 +18,8 @@ from orchard.sim.kernels.boxes import RADIUS, overlap, place
 from orchard.sim.physics import step
 from orchard.sim.world import NONE, World
 
-LANE = 10.75  # y of row 1's centre line
+# y of row 1's centre line.
+LANE = 10.75
 AHEAD = Twist(1.0)
 TURN_LEFT = Twist(yaw=math.pi / 8)
 

@@ -152,7 +152,8 @@ class Browser:
     def unfold(self, view: str) -> None:
         """Open a part of the page that may be folded away."""
         button = f"[data-view={view}] [role=button][aria-expanded]"
-        look = "arguments[0].scrollIntoView({block: 'center'})"  # not under the bar on top
+        # Not under the bar on top.
+        look = "arguments[0].scrollIntoView({block: 'center'})"
         if self.one(button).get_attribute("aria-expanded") == "false":
             self.driver.execute_script(look, self.one(button))
             self.click(button)
@@ -237,9 +238,8 @@ class Browser:
     def _unchoose(self) -> list[WebElement]:
         chosen = self.driver.find_elements(By.CSS_SELECTOR, "[data-view=runs] [aria-checked=true]")
         for run in chosen[:1]:
-            self.driver.execute_script(
-                "arguments[0].scrollIntoView({block: 'center'})", run
-            )  # not under the bar on top
+            # Not under the bar on top.
+            self.driver.execute_script("arguments[0].scrollIntoView({block: 'center'})", run)
             self._pressed(run)
         return chosen
 

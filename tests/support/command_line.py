@@ -16,7 +16,8 @@ from patience import PATIENCE
 
 from orchard.field.scenario import Scenario, to_yaml
 
-PATH = os.pathsep.join(PATHS)  # where own agents and policies of the tests are found
+# Where own agents and policies of the tests are found.
+PATH = os.pathsep.join(PATHS)
 
 
 def orchard(
@@ -86,7 +87,8 @@ def starting(*arguments: object):
     try:
         yield process
     finally:
-        with suppress(psutil.NoSuchProcess):  # it has just ended
+        # It has just ended.
+        with suppress(psutil.NoSuchProcess):
             for child in (
                 [*psutil.Process(process.pid).children(recursive=True)]
                 if process.poll() is None
@@ -94,7 +96,8 @@ def starting(*arguments: object):
             ):
                 child.kill()
         process.kill()
-        with suppress(ValueError):  # the test has read it to its end
+        # The test has read it to its end.
+        with suppress(ValueError):
             process.communicate()
 
 

@@ -91,7 +91,8 @@ class Process:
     def kill(self) -> None:
         if self._popen.poll() is None:
             self._popen.kill()
-        with suppress(ValueError):  # another thread reads what it prints
+        # Another thread reads what it prints.
+        with suppress(ValueError):
             self._popen.communicate()
 
 
@@ -212,7 +213,8 @@ class Client(AnyClient):
         heard = queue.Queue()
 
         def put(sample) -> None:
-            with suppress(ValueError, msgpack.UnpackException):  # of tests that put nonsense
+            # Of tests that put nonsense.
+            with suppress(ValueError, msgpack.UnpackException):
                 heard.put(msgpack.unpackb(sample.payload.to_bytes()))
 
         self.session.declare_subscriber(key, put)

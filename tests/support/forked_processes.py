@@ -29,11 +29,13 @@ from typing import Any
 
 from patience import PATIENCE
 
+# Each runs as a process; what they import is shared.
 DOORS = (
     "orchard.processes.physics",
     "orchard.processes.agents",
     "orchard.processes.router",
-)  # each runs as a process; what they import is shared
+)
+# What run.py imports.
 COMMAND_LINE = (
     "orchard.commands.main",
     "orchard.commands.asking",
@@ -41,7 +43,7 @@ COMMAND_LINE = (
     "orchard.launch.local_run",
     "orchard.launch.distributed",
     "orchard.study.study_command",
-)  # what run.py imports
+)
 ROOT = Path(__file__).parents[2]
 PATHS = [str(ROOT), str(ROOT / "tests" / "support")]
 
@@ -98,7 +100,8 @@ class Forked:
 
     def send_signal(self, number: int) -> None:
         if self.poll() is None:
-            with suppress(ProcessLookupError):  # it has ended; its exit code is on its way
+            # It has ended; its exit code is on its way.
+            with suppress(ProcessLookupError):
                 os.kill(self.pid, number)
 
     def kill(self) -> None:
@@ -113,7 +116,8 @@ class Forked:
                 self.wait(timeout)
                 return said[0].result(timeout), said[1].result(timeout)
             except (TimeoutError, subprocess.TimeoutExpired):
-                self.kill()  # or its pipes, and with them the readers, stay open for ever
+                # Or its pipes, and with them the readers, stay open for ever.
+                self.kill()
                 raise
 
 
@@ -158,10 +162,11 @@ def linked() -> tuple[socket.socket, socket.socket]:
 def server() -> Server:
     """Return the server of this process. It ends with the tests."""
     own, other = linked()
+    # Rich reads its width when it is imported.
     environment = os.environ | {
         "PYTHONPATH": os.pathsep.join(PATHS),
         "COLUMNS": "200",
-    }  # Rich reads its width when it is imported
+    }
     command = [sys.executable, "-m", "forked_processes", str(other.fileno())]
     process = subprocess.Popen(command, cwd=ROOT, env=environment, pass_fds=[other.fileno()])
     other.close()
@@ -232,7 +237,8 @@ def preload() -> None:
         if find_spec(module.rpartition(".")[0]) is not None:
             __import__(module)
     for door in DOORS:
-        del sys.modules[door]  # each process runs its own
+        # Each process runs its own.
+        del sys.modules[door]
     from orchard.field.scenario import Scenario
     from orchard.sim.engine import Engine
 

@@ -23,12 +23,16 @@ SMALL = Scenario(
 ALONE = dict(
     people=People(workers=0, visitors=0), animals=Animals(dogs=0, cats=0), weeds=0, tractor=False
 )
-SHORT = Scenario(rows=3, carriers=1, row_length=30.0, **ALONE)  # a harvest of 7 minutes
-AGENTS = 10  # of the small scenario
+# A harvest of 7 minutes.
+SHORT = Scenario(rows=3, carriers=1, row_length=30.0, **ALONE)
+# Of the small scenario.
+AGENTS = 10
 TICKS = 120
-TOY = "calling_agents:cast"  # agents that only call each other
+# Agents that only call each other.
+TOY = "calling_agents:cast"
 
-HARVEST_TICKS = 1500  # includes the exchanges of 3 rows with 2 pickers
+# Includes the exchanges of 3 rows with 2 pickers.
+HARVEST_TICKS = 1500
 
 
 def driven_by(**classes: str) -> Scenario:

@@ -123,6 +123,7 @@ def carriers(number: int) -> dict[str, int]:
     return {"carriers": number}
 
 
+# Carriers -> bins an hour.
 RATES = {
     1: 7.9,
     2: 15.8,
@@ -134,10 +135,9 @@ RATES = {
     12: 73.0,
     14: 73.1,
     20: 73.2,
-}  # carriers -> bins an hour
-PRICES = {
-    number: (10 * 15.0 + number * 6.0) / rate for number, rate in RATES.items()
-}  # a bin, at 15 an hour for a picker, 6 for a carrier
+}
+# A bin, at 15 an hour for a picker, 6 for a carrier.
+PRICES = {number: (10 * 15.0 + number * 6.0) / rate for number, rate in RATES.items()}
 
 
 def by_carriers(**changes: Any) -> StudyResult:

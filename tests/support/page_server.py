@@ -19,7 +19,8 @@ ROOT = Path(__file__).parents[2]
 PROGRAMS = [shutil.which("chromium"), shutil.which("chromedriver")]
 WINDOW = (1500, 1000)  # pixels
 
-ON_CI = os.environ.get("CI") == "true"  # where nothing is skipped
+# Where nothing is skipped.
+ON_CI = os.environ.get("CI") == "true"
 
 
 def skip_without_packages() -> None:
@@ -49,9 +50,8 @@ def wait_for(process: subprocess.Popen, address: str, seconds: float = PATIENCE)
 @contextmanager
 def served(runs: Path):
     port = free_port()
-    plain = {
-        name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"
-    }  # or NiceGUI thinks it is the test
+    # Or NiceGUI thinks it is the test.
+    plain = {name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"}
     process = subprocess.Popen(
         page("--port", port, "--runs", runs), cwd=ROOT, stdout=subprocess.DEVNULL, env=plain
     )

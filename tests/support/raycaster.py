@@ -15,7 +15,8 @@ from orchard.field.placement import Start
 from orchard.field.scenario import Animals, People, Scenario
 from orchard.sim.world import World
 
-TOUCH = 1e-9  # m: on the edge of a box
+# m: on the edge of a box.
+TOUCH = 1e-9
 FAR_AWAY = (1000.0, 1000.0, 0.25, 0.25)
 
 

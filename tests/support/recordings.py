@@ -15,11 +15,11 @@ from orchard.view.files import parts_of
 from orchard.view.recorder import Recorder
 
 SECONDS = (
-    90.0  # of the harvest whose recording tests share: its pickers wait for empty bins from 80 s on
+    # Of the harvest whose recording tests share: its pickers wait for empty bins from 80 s on.
+    90.0
 )
-History = dict[
-    tuple[str, str], list[tuple[float, object]]
-]  # (entity, component) -> (s, simulated, value) in the order of time
+# (entity, component) -> (s, simulated, value) in the order of time.
+History = dict[tuple[str, str], list[tuple[float, object]]]
 
 
 def starts(layout: Layout) -> np.ndarray:

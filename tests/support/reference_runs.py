@@ -19,7 +19,8 @@ from orchard.field.scenario import check
 from orchard.local import Local
 
 FOLDER = Path(__file__).parents[1] / "sim"
-TICKS = 3000  # of each run, unless its harvest is over sooner
+# Of each run, unless its harvest is over sooner.
+TICKS = 3000
 RUNS: dict[str, dict[str, Any]] = yaml.safe_load((FOLDER / "reference_runs.yaml").read_text())
 RESULTS = FOLDER / "reference_hashes.json"
 

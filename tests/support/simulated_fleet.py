@@ -22,7 +22,8 @@ from chaos.simulated.session import SimulatedBus
 from orchard.launch.supervisor import ProcessSpec
 from orchard.net.bus import Alive, Final, Item, Replied, Sample, Signal
 
-SECONDS = 200.0  # of virtual time that any one wait may take
+# Of virtual time that any one wait may take.
+SECONDS = 200.0
 
 
 class PassingInbox(VirtualInbox):
@@ -177,7 +178,8 @@ class Client(AnyClient):
                 try:
                     heard.put(msgpack.unpackb(item.payload))
                 except (ValueError, UnpackException):
-                    return  # of tests that put nonsense
+                    # Of tests that put nonsense.
+                    return
 
         self._session(take).subscribe(key)
         return heard

@@ -31,9 +31,11 @@ Road = tuple[str, float]
 class Sweep:
     """What a robot, or a bin that is left, covers while it stands, drives or turns."""
 
-    what: str  # 'stand', 'drive', 'turn', or 'bin' of one that is left
+    # 'stand', 'drive', 'turn', or 'bin' of one that is left.
+    what: str
     robot: str
-    picker: str  # for which a carrier works; a picker itself
+    # For which a carrier works; a picker itself.
+    picker: str
     stage: int
     places: frozenset[str]
     # Places that it shares with no partner.
@@ -46,7 +48,8 @@ class Sweep:
     heading: str
     # The road that a carrier is on, and the one before: its heading, and its coordinate, m.
     roads: frozenset[Road]
-    line: tuple[float, float]  # x, y where it begins
+    # X, y where it begins.
+    line: tuple[float, float]
     end: tuple[float, float]
     # (n, 5): x, y, half length, half width (m), yaw (rad).
     boxes: np.ndarray

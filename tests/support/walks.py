@@ -57,22 +57,25 @@ class Area(NamedTuple):
     half_x: float
     half_y: float
     robot: str
-    picker: str  # a carrier's: for which it works
+    # A carrier's: for which it works.
+    picker: str
     # Even while its picker picks and leaves the bin, then one more: a job for that bin has that
     # number.
     stage: int
-    heading: str  # of a robot or its bin; '' for a bin that is left
-    places: frozenset[str]  # that the robot holds
+    # Of a robot or its bin; '' for a bin that is left.
+    heading: str
+    # That the robot holds.
+    places: frozenset[str]
+    # Of a drive: where the robot turns onto the next road.
     end: tuple[float, float] = (
         np.nan,
         np.nan,
-    )  # of a drive: where the robot turns onto the next road
+    )
     blind_to: tuple[Box, ...] = ()
 
 
-Turn = tuple[
-    Area, np.ndarray, str
-]  # where a robot turns; its outline in its own frame, m; the heading to which it turns
+# Where a robot turns; its outline in its own frame, m; the heading to which it turns.
+Turn = tuple[Area, np.ndarray, str]
 
 
 class Walk:
@@ -81,7 +84,8 @@ class Walk:
     def __init__(
         self, robot: str, picker: str, x: float, y: float, stage: int = 0, heading: str = "EAST"
     ) -> None:
-        self.row = 0  # of the present pass, or of the job
+        # Of the present pass, or of the job.
+        self.row = 0
         self.robot = robot
         self.picker = picker
         self.x = x

@@ -253,9 +253,8 @@ def test_rows_too_near_or_too_far_are_refused_with_the_id(
     number = data.draw(st.integers(2, len(drawn)))
     sign = data.draw(st.sampled_from([-1, 1]))
     gap = drawn[number - 1].south - drawn[number - 2].south
-    off = (
-        (gap - CLOSEST + by) * 1j if sign < 0 else (gap - WIDEST_GAP - by) * 1j
-    )  # the row, and all south of it, move
+    # The row, and all south of it, move.
+    off = (gap - CLOSEST + by) * 1j if sign < 0 else (gap - WIDEST_GAP - by) * 1j
     lines = {
         name: [p + (off if i >= number else 0) for p in points]
         for i, (name, points) in enumerate(lines_of(drawn).items(), start=1)

@@ -290,7 +290,8 @@ def test_a_file_torn_by_a_kill_goes(tmp_path, undisturbed):
     assert not torn.exists()
 
 
-@settings(max_examples=25)  # each waits for the disk
+# Each waits for the disk.
+@settings(max_examples=25)
 @given(st.lists(st.integers(1, 4), max_size=12), st.integers(0, 12), st.integers(1, 9))
 def test_what_is_removed_from_a_growing_table_comes_again(tmp_path_factory, steps, until, most):
     """Steps of some ticks are written one after another.

@@ -158,7 +158,8 @@ def test_questions_of_safety_do_not_crowd_out_the_harvest() -> None:
     assert level_of("lost") == "ERROR"
 
 
-HATS = {"worker": 0.2}  # m above the height of the kind
+# m above the height of the kind.
+HATS = {"worker": 0.2}
 # The numbers of types in glTF.
 FLOAT = 5126
 BYTE = 5121

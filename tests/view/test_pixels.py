@@ -111,11 +111,13 @@ def on_the_plan(plan: np.ndarray, layout: Layout, x: float, y: float) -> tuple[i
     return round(columns / 2 + x * scale), round(rows / 2 - (y - middle) * scale)
 
 
-SOFTWARE = "--enable-unsafe-swiftshader"  # WebGL without a graphics card
+# WebGL without a graphics card.
+SOFTWARE = "--enable-unsafe-swiftshader"
 # tick: the viewer plays four times as fast as life, and must not come there while the test looks.
 END = 30_000
 NEAR = (
-    40  # sum of the differences of a colour's three parts; leaves are 59 from a pin that is green
+    # Sum of the differences of a colour's three parts; leaves are 59 from a pin that is green.
+    40
 )
 
 

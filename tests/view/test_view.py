@@ -115,9 +115,8 @@ def test_what_a_robot_does_is_its_state_and_pin_colour(recording: Path) -> None:
 
 
 def test_scans_are_thinned_and_in_the_frame_of_their_robot(layout: Layout, tmp_path: Path) -> None:
-    ranges = np.where(
-        np.arange(180) < 90, np.float32(4.0), np.float32(np.inf)
-    )  # a wall 4 m around, and nothing to the left
+    # A wall 4 m around, and nothing to the left.
+    ranges = np.where(np.arange(180) < 90, np.float32(4.0), np.float32(np.inf))
     course = [
         Frame(tick, starts(layout), scans=[ranges for _ in layout.starts]) for tick in range(21)
     ]
@@ -126,7 +125,8 @@ def test_scans_are_thinned_and_in_the_frame_of_their_robot(layout: Layout, tmp_p
     )
     assert [t for t, _ in clouds] == [0.0, 0.5, 1.0, 1.5, 2.0]
     points = np.array(clouds[0][1])
-    assert len(points) == 45  # every second beam of the 90 that hit
+    # Every second beam of the 90 that hit.
+    assert len(points) == 45
     assert np.all(points[:, :2] * 32 == np.round(points[:, :2] * 32))
     assert np.hypot(points[:, 0] - KINDS["carrier"].laser.ahead, points[:, 1]) == pytest.approx(
         4.0, abs=0.03
@@ -148,10 +148,12 @@ def test_hits_leaves_out_what_is_not_there() -> None:
 def test_a_row_turns_pale_as_it_is_picked_and_its_fruit_goes(recording: Path) -> None:
     painted = Rows(recording, "/world/rows/row_01").values("Mesh3D:vertex_colors")
     fruit = Rows(recording, "/canopy/fruit/row_01").values("Points3D:positions")
-    assert len(painted) == 36  # at the beginning, and every 2 m of 70
+    # At the beginning, and every 2 m of 70.
+    assert len(painted) == 36
     assert len(set(painted[0][1])) == 1
     assert len(set(painted[10][1])) == 2
-    assert painted[10][1][0] != painted[0][1][0]  # from the west
+    # From the west.
+    assert painted[10][1][0] != painted[0][1][0]
     assert [len(points) for _, points in fruit] == sorted(
         (len(points) for _, points in fruit), reverse=True
     )
@@ -159,9 +161,8 @@ def test_a_row_turns_pale_as_it_is_picked_and_its_fruit_goes(recording: Path) ->
 
 
 def test_a_row_picked_from_inside_turns_pale_there(layout: Layout, tmp_path: Path) -> None:
-    picked = np.array(
-        [[0.0, 10.0, 30.0, 45.0], [0.0] * 4, [0.0] * 4]
-    )  # 10 m from the east end, and 25 to 30 m from the west end
+    # 10 m from the east end, and 25 to 30 m from the west end.
+    picked = np.array([[0.0, 10.0, 30.0, 45.0], [0.0] * 4, [0.0] * 4])
     path = recording_of(tmp_path / "east.rrd", layout, [Frame(0, starts(layout), row_ends=picked)])
     (_, colours), = Rows(path, "/world/rows/row_01").values("Mesh3D:vertex_colors")  # fmt: skip
     assert [piece for piece in range(35) if colours[4 * piece] != colours[0]] == [
@@ -297,7 +298,8 @@ def test_the_conversation_is_logged_and_drawn(recording: Path) -> None:
     drawn = [(t, len(lines)) for t, lines in Rows(recording, "/talk").values("LineStrips3D:strips")]
     assert drawn[0] == (70.5, 2)
     assert max(lines for _, lines in drawn) > 4
-    assert drawn[-1][1] == 0  # and gone again
+    # And gone again.
+    assert drawn[-1][1] == 0
 
 
 def test_each_letter_is_recorded_with_its_fields(

@@ -34,7 +34,8 @@ from orchard.wire.messages import Angular, Linear, Velocity, read
 pytestmark = pytest.mark.processes
 
 TICKS = 60
-MOST_MEMORY = 64 << 20  # bytes, that all these messages may leave behind
+# Bytes, that all these messages may leave behind.
+MOST_MEMORY = 64 << 20
 CONTROL = ("simulation_state", "set_simulation_state", "step_simulation", "reset_simulation")
 TO_PHYSICS = (
     "velocity",
@@ -124,7 +125,8 @@ class Thrower:
         self.expected = Counter()
         self.memory = []
         self.asked = 0
-        self.replies: list[Replied] = []  # a list, for both threads append to it
+        # A list, for both threads append to it.
+        self.replies: list[Replied] = []
         self.by_key = Counter()
         self._messages = messages
         self._each = count // ((TICKS - 8) * len(TO_PHYSICS + TO_HOST))

@@ -17,9 +17,8 @@ from docs.message_examples import EXAMPLES
 from docs.message_fields import MEMBERS
 from orchard.wire.keys import TABLE, Keys
 
-SCHEMA = (
-    Path(__file__).parent / "asyncapi-3.0.0.schema.json.gz"
-)  # of npm's @asyncapi/specs 6.11.1, Apache-2.0
+# Of npm's @asyncapi/specs 6.11.1, Apache-2.0.
+SCHEMA = Path(__file__).parent / "asyncapi-3.0.0.schema.json.gz"
 CONTRACT = json.loads(asyncapi())
 REFERENCE = messages()
 

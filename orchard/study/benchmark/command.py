@@ -28,6 +28,7 @@ from orchard.study.benchmark.submission import Submission, problems_of, read_sub
 from orchard.study.command_options import BenchmarkOptions
 from orchard.study.kinds_of_files import SUBMISSION
 from orchard.study.options import StudyOptions
+from orchard.study.runs import software
 from orchard.study.store import Store, StoreError
 from orchard.study.study_command import STOPPED, failures, tell_if_lost
 from orchard.study.workers import Workers, processes
@@ -48,6 +49,18 @@ MEANING = (
     " {policy} are paired, by seeds."
 )
 OWN_STOPPED = "stopped; harvests of a policy of your own are not kept"
+# The splits of what a secret draws.
+HIDDEN = ["hidden"]
+POSSIBLE = (
+    "That shows that these schedules are possible, not who found them, or with what knowledge."
+)
+PUBLIC = (
+    "These orchards are public, with all that their seeds draw, and a policy may know them: only a"
+    " hidden split (--secret) shows what it does where it does not."
+)
+# Lines of what is wrong with a submission, and the characters of one.
+MOST_PROBLEMS = 50
+LONGEST_PROBLEM = 500
 CHECKED = "The harvests with {policy}, s; of several seeds the mean."
 
 
@@ -170,15 +183,22 @@ def _verify(path: Path, known: dict[str, Instance]) -> int:
     except ValueError as error:
         raise SubmissionError(str(error)) from None
     problems = problems_of(submission, known)
-    for problem in problems:
-        print_error(f"{path}: {problem}")
+    for problem in problems[:MOST_PROBLEMS]:
+        print_error(f"{path}: {printable(problem, LONGEST_PROBLEM)}")
+    if len(problems) > MOST_PROBLEMS:
+        print_error(f"{path}: and {len(problems) - MOST_PROBLEMS} more")
     if problems:
         return FAILED
     print_line(
-        f"{path}: {printable(submission.policy)} has {_percent(submission.score)} %:"
-        f" {len(submission.harvests)} harvests were replayed, and each takes as long as it says,"
-        " or is never finished if it says so."
+        f"{path}: {printable(submission.policy)} has {_percent(submission.score)} % in"
+        f" {len(known)} orchards: {len(submission.harvests)} harvests were replayed, and each takes"
+        " as long as it says, or is never finished if it says so."
     )
+    if submission.software != software():
+        print_line(f"It was made by {printable(submission.software)}, and this is {software()}.")
+    if [*known] != [*instances()] and submission.splits != HIDDEN:
+        print_line(f"Those are {len(known)} of the {len(instances())} public orchards.")
+    print_line(POSSIBLE if submission.splits == HIDDEN else f"{POSSIBLE} {PUBLIC}")
     return FINISHED
 
 
@@ -235,6 +255,8 @@ def _print(result: BenchmarkResult) -> None:
     )
     print_line(f"{result.policy} has {_percent(score)} % of what is proven possible; {others}.")
     console.print(_scores(result))
+    if result.policy not in POLICIES and result.splits != HIDDEN:
+        print_line(PUBLIC)
     for line in result.too_slow:
         print_line(f"- score 0: {line}")
     jams = [

@@ -21,7 +21,7 @@ from orchard.study.benchmark.asked import Limits
 from orchard.study.benchmark.instances import Instance
 from orchard.study.benchmark.own_harvests import OwnHarvest, OwnHarvests, OwnResult, check_policy
 from orchard.study.benchmark.play import built_in_harvest
-from orchard.study.benchmark.submission import Submission, submission_of
+from orchard.study.benchmark.submission import Submission, splits_of, submission_of
 from orchard.study.replications import Replications
 from orchard.study.result import Model
 from orchard.study.runs import RunFailed, software
@@ -91,6 +91,8 @@ class BenchmarkResult:
     notes: list[str]  # in the simulator: faults of own classes, and invariants that did not hold
     # A line for each harvest for which the policy took too long.
     too_slow: list[str] = field(default_factory=list)
+    # Of the orchards: those of `train` and `test` are public, and a policy may know them.
+    splits: list[str] = field(default_factory=list)
     version: str
 
     def of(self, policy: str) -> list[Harvests]:
@@ -260,6 +262,7 @@ class Benchmark:
             harvests=harvests,
             notes=self._notes(),
             too_slow=self._too_slow(),
+            splits=splits_of(self.instances),
             version=software(),
         )
 

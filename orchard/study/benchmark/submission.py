@@ -3,6 +3,7 @@ policy.
 """
 
 import hashlib
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from statistics import fmean
@@ -23,7 +24,7 @@ ROUNDING = 1e-6
 SCORE_ROUNDING = 1e-8
 
 
-class SubmittedHarvest(msgspec.Struct, frozen=True):
+class SubmittedHarvest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A harvest of a submission."""
 
     instance: str
@@ -40,10 +41,12 @@ class SubmittedHarvest(msgspec.Struct, frozen=True):
         return self.proven_seconds / self.seconds if self.seconds else 0.0
 
 
-class Submission(msgspec.Struct, frozen=True):
+class Submission(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a policy scored."""
 
     set: str
+    #: Of its orchards: those of `train` and `test` are public, and a policy may know them.
+    splits: list[str]
     policy: str
     policy_version: str
     software: str
@@ -83,6 +86,7 @@ def submission_of(
     scores = scores_of(harvests)
     submission = Submission(
         set=SET,
+        splits=splits_of(known),
         policy=policy,
         policy_version=version,
         software=software(),
@@ -91,6 +95,11 @@ def submission_of(
         harvests=harvests,
     )
     return msgspec.structs.replace(submission, sha256=submission.digest)
+
+
+def splits_of(known: Mapping[str, Instance]) -> list[str]:
+    """Return the splits of which instances are."""
+    return sorted({instance.split for instance in known.values()})
 
 
 def scores_of(harvests: Iterable[SubmittedHarvest]) -> dict[str, float]:
@@ -117,21 +126,37 @@ def problems_of(submission: Submission, known: Mapping[str, Instance]) -> list[s
     if submission.set != SET:
         return [f"it is of the set {submission.set}; expected {SET}"]
     problems = []
+    if submission.splits != splits_of(known):
+        problems.append(
+            f"it is of the splits {submission.splits}; expected {splits_of(known)}: give --split,"
+            " --orchard or --secret as it had them"
+        )
     if submission.digest != submission.sha256:
         problems.append("its hash is not that of its content: it was changed after it was written")
-    wanted = {(name, draw.seed) for name, instance in known.items() for draw in instance.draws}
-    there = [(harvest.instance, harvest.seed) for harvest in submission.harvests]
-    for instance, seed in sorted(wanted - {*there}):
-        problems.append(f"{instance}, seed {seed}: this harvest is missing")
-    for key in sorted({*there}):
-        if key not in wanted:
-            problems.append(f"{key[0]}, seed {key[1]}: no such instance and seed in this split")
-        elif there.count(key) > 1:
-            problems.append(f"{key[0]}, seed {key[1]}: it is there {there.count(key)} times")
+    unwanted = _wrong_harvests(submission, known)
+    if unwanted:
+        # A file may have any number of those.
+        return problems + unwanted
     for harvest in submission.harvests:
-        if (harvest.instance, harvest.seed) in wanted:
-            problems += _wrong(harvest, known[harvest.instance])
-    problems += _wrong_scores(submission)
+        problems += _wrong(harvest, known[harvest.instance])
+    return problems + _wrong_scores(submission)
+
+
+def _wrong_harvests(submission: Submission, known: Mapping[str, Instance]) -> list[str]:
+    """Return which harvests are missing, are there twice, or are of no instance and seed."""
+    wanted = set[tuple[str, int]]()
+    for name, instance in known.items():
+        wanted |= {(name, draw.seed) for draw in instance.draws}
+    there = Counter((harvest.instance, harvest.seed) for harvest in submission.harvests)
+    problems = []
+    for instance_name, seed in sorted(wanted - there.keys()):
+        problems.append(f"{instance_name}, seed {seed}: this harvest is missing")
+    for key in sorted(there):
+        where = f"{key[0]}, seed {key[1]}"
+        if key not in wanted:
+            problems.append(f"{where}: no such instance and seed in this split")
+        elif there[key] > 1:
+            problems.append(f"{where}: it is there {there[key]} times")
     return problems
 
 

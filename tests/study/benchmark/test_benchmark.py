@@ -9,13 +9,16 @@ from pathlib import Path
 import pytest
 from code_blocks import block
 from command_line import orchard
+from msgspec.structs import replace
 from typer import BadParameter
 
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
 from orchard.field.scenario import DISPATCH_POLICIES, Scenario, with_changes
 from orchard.study.benchmark import command as benchmark_command
+from orchard.study.benchmark import submission
 from orchard.study.benchmark.instances import instances
+from orchard.study.benchmark.play import Played
 from orchard.study.benchmark.scores import Benchmark, BenchmarkResult, Harvests
 from orchard.study.command_options import BenchmarkOptions
 from orchard.study.store import Store
@@ -215,7 +218,13 @@ def test_a_submission_is_verified_without_its_policy(store, tmp_path):
     score = f"{100.0 * written['score']:.1f}"
     assert f"{POLICY} has {score} % of what is proven possible" in done.stdout
     verified = orchard("benchmark", "--verify", file, *small, *rest)
-    assert re.search(rf"{POLICY} has {score} %: 2 harvests were replayed", verified.stdout)
+    assert re.search(rf"{POLICY} has {score} % in 2 orchards: 2 harvests were", verified.stdout)
+
+    assert re.search(
+        r"2 of the 38 public orchards\..*not who found them.*public, with all",
+        verified.stdout,
+        re.S,
+    )
 
     first = written["harvests"][0]
     faults = {
@@ -242,9 +251,30 @@ def test_a_submission_is_verified_without_its_policy(store, tmp_path):
     file.write_text(json.dumps(written | {"scores": {}}))
     refused = orchard("benchmark", "--verify", file, *small, *rest, code=1)
     assert "the score of tiny-test is missing" in refused.stderr
+    file.write_text(json.dumps(written | {"splits": ["hidden"]}))
+    refused = orchard("benchmark", "--verify", file, *small, *rest, code=1)
+    assert "it is of the splits ['hidden']; expected ['test']" in refused.stderr
+    file.write_text(json.dumps(written | {"harvests": [first | {"instance": "\x1b[2J"}]}))
+    refused = orchard("benchmark", "--verify", file, *small, *rest, code=1)
+    assert "?[2J, seed" in refused.stderr
+    file.write_text(json.dumps(written | {"found_by": "nobody"}))
+    refused = orchard("benchmark", "--verify", file, *small, *rest, code=2)
+    assert "unknown field `found_by`" in refused.stderr
     file.write_text(json.dumps(written))
     missing = orchard("benchmark", "--verify", file, *small, "--orchard", "tiny-train", code=1)
     assert re.search(r"tiny-train, seed \d+: this harvest is missing", missing.stderr)
+
+
+def test_harvests_that_a_submission_repeats_are_not_replayed(monkeypatch):
+    """A file of a thousand would hold for hours who verifies it."""
+    monkeypatch.setattr(submission, "replayed", None)
+    known = {"tiny-test": instances()["tiny-test"]}
+    (draw,) = known["tiny-test"].draws
+    played = Played(seconds=draw.best.seconds, is_early=draw.best.is_early)
+    once = submission.submission_of("mine.Policy", "1", known, {"tiny-test": [played]})
+    many = replace(once, harvests=once.harvests * 1000)
+    told = submission.problems_of(replace(many, sha256=many.digest), known)
+    assert told == [f"tiny-test, seed {draw.seed}: it is there 1000 times"]
 
 
 def test_a_builtin_policy_is_submitted_as_it_is_scored(tmp_path):
@@ -252,9 +282,10 @@ def test_a_builtin_policy_is_submitted_as_it_is_scored(tmp_path):
     with Store(tmp_path / "built-in.db") as opened, processes(1) as workers:
         benchmark = Benchmark("predictive", known, opened, workers)
         result = benchmark.run()
-    submission = benchmark.submission()
-    assert submission.score == pytest.approx(result.scores["predictive"], abs=1e-4)
-    assert submission.sha256 == submission.digest
+    submitted = benchmark.submission()
+    assert submitted.score == pytest.approx(result.scores["predictive"], abs=1e-4)
+    assert submitted.sha256 == submitted.digest
+    assert submitted.splits == result.splits == ["test"]
     assert result.standard_error("predictive") == 0.0
     assert 0.0 < result.standard_error("nearest") < 0.05
 

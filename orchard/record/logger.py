@@ -95,7 +95,9 @@ class FrameQueue:
         """Wait for a frame and return the oldest; None when the queue is closed and empty."""
         with self._change:
             self._change.wait_for(lambda: self._waiting or self._is_closed)
-            return self._waiting.popleft() if self._waiting else None
+            if not self._waiting:
+                return None
+            return self._waiting.popleft()
 
 
 def open_recording(
@@ -296,13 +298,16 @@ class Logger:
 
 def _step_of(message: Message) -> int:
     """Return the tick of the step of which a message tells. A picture has that of its end."""
-    return message.tick - 1 if isinstance(message, TickStateMessage) else message.tick
+    if isinstance(message, TickStateMessage):
+        return message.tick - 1
+    return message.tick
 
 
 def refusal_event(refusal: Refusal) -> Event:
     """Return the event of a message that physics has refused."""
-    detail = f", {refusal.detail}" if refusal.detail else ""
-    words = f"{refusal.key}: {refusal.reason}{detail}"
+    words = f"{refusal.key}: {refusal.reason}"
+    if refusal.detail:
+        words += f", {refusal.detail}"
     return Event(refusal.tick, "refused", refusal.session or NAMELESS, "", words)
 
 
@@ -311,7 +316,9 @@ def record(
 ) -> tuple[int, Path | None]:
     """Record a run into a file, and serve viewers on a port. Return as `Logger.run` does."""
     run, layout = fetch_layout(bus, keys, end_if_asked)
-    look = LOOK_SECONDS if port is None else LIVE_SECONDS
+    look = LOOK_SECONDS
+    if port is not None:
+        look = LIVE_SECONDS
     logger = Logger(bus, keys, run.run, layout, FrameQueue(), look)
     # It listens before, so what comes while earlier parts are read is not lost.
     logger.listen()

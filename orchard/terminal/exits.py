@@ -54,10 +54,9 @@ def as_typed(name: Callable[[str], str] = str) -> Iterator[None]:
     try:
         yield
     except ScenarioError as error:
-        problems = [
-            replace(problem, file="command line", path=name(problem.path))
-            for problem in error.problems
-        ]
+        problems = []
+        for problem in error.problems:
+            problems.append(replace(problem, file="command line", path=name(problem.path)))
         raise ScenarioError(problems) from None
 
 
@@ -121,12 +120,14 @@ def _of_parameter(error: BadParameter) -> str:
     hint = _hint_of(error)
     if not error.message:
         return f"{hint} is missing; see --help"
-    # An argument is named by its value.
-    where = f"{hint}: " if hint.startswith("-") else ""
+    fault = error.message
     cause = error.__cause__
     if isinstance(cause, ValidationError):
-        return f"{where}{_of_value(cause)}"
-    return f"{where}{error.message}"
+        fault = _of_value(cause)
+    if hint.startswith("-"):
+        return f"{hint}: {fault}"
+    # It is of an argument, and names the argument by its value.
+    return fault
 
 
 def _hint_of(error: BadParameter) -> str:

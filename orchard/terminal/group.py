@@ -27,7 +27,9 @@ class LazyGroup(OrchardGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return a command; None for an unknown name. Raises BadParameter if it is left out."""
         entry = self._entries.get(cmd_name)
-        return None if entry is None else command_of(cmd_name, entry)
+        if entry is None:
+            return None
+        return command_of(cmd_name, entry)
 
 
 def command_of(name: str, entry: CommandEntry) -> Any:

@@ -60,7 +60,9 @@ def folder(text: str) -> Path:
 
 def hosts(text: str) -> int:
     """Return the number of agent processes; 0 for one process an agent."""
-    return 0 if text == "each" else whole(text, 200, "expected a number from 1 to 200, or each")
+    if text == "each":
+        return 0
+    return whole(text, 200, "expected a number from 1 to 200, or each")
 
 
 def scenario_file(path: Path | None) -> Path | None:
@@ -71,7 +73,9 @@ def scenario_file(path: Path | None) -> Path | None:
         return path
     similar = get_close_matches(str(path).lower(), [*COMMANDS, "harvest", *names()], n=1)
     if similar:
-        kind = "scenario" if similar[0] in names() else "command"
+        kind = "command"
+        if similar[0] in names():
+            kind = "scenario"
         raise BadParameter(f"{path}: no such file; did you mean the {kind} {similar[0]}?")
     if str(path).isalpha():
         known = ", ".join(names())

@@ -18,14 +18,20 @@ from orchard.contract.printed import diverted, printed
 
 def harmless(text: str) -> str:
     """Return a text, such as a path, without what would control a terminal."""
-    return "".join(
-        character if character.isprintable() or character == "\n" else "?" for character in text
-    )
+    shown = ""
+    for character in text:
+        if character.isprintable() or character == "\n":
+            shown += character
+        else:
+            shown += "?"
+    return shown
 
 
 def unwritten(name: str, error: OSError) -> str:
     """Return why stdout or stderr cannot be written. `name`: of that stream."""
-    reason = "it is closed" if error.errno == errno.EBADF else error.strerror
+    reason = error.strerror
+    if error.errno == errno.EBADF:
+        reason = "it is closed"
     return f"{name} cannot be written: {reason}"
 
 
@@ -44,7 +50,12 @@ class Output(Console):
 
     def print(self, *objects: Any, **options: Any) -> None:
         """Print texts without what would control a terminal, and Rich's objects as they are."""
-        shown = [harmless(part) if isinstance(part, str) else part for part in objects]
+        shown = []
+        for part in objects:
+            if isinstance(part, str):
+                shown.append(harmless(part))
+            else:
+                shown.append(part)
         try:
             super().print(*shown, **options)
         except OSError as error:
@@ -57,7 +68,9 @@ class Output(Console):
         is_first = not self.has_lost
         self.has_lost = True
         if is_first and self.other is not None:
-            name = "stderr" if self.stderr else "stdout"
+            name = "stdout"
+            if self.stderr:
+                name = "stderr"
             warning = f"{unwritten(name, error)}; the run goes on without it"
             self.other.print(warning, markup=False, soft_wrap=True)
 
@@ -122,14 +135,10 @@ def table(caption: str | None, *heads: str) -> Table:
     empty = Table(
         box=SIMPLE_HEAD, padding=0, show_edge=False, caption=caption, caption_justify="left"
     )
-    for column, head in enumerate(heads):
-        is_first = column == 0
-        empty.add_column(
-            escape(head),
-            justify="left" if is_first else "right",
-            no_wrap=is_first,
-            overflow="fold",
-        )
+    first, *others = heads
+    empty.add_column(escape(first), justify="left", no_wrap=True, overflow="fold")
+    for head in others:
+        empty.add_column(escape(head), justify="right", overflow="fold")
     return empty
 
 

@@ -17,12 +17,19 @@ def program() -> str:
     if started.suffix == ".py":
         return f"{python} {_shown(started)}"
     is_on_path = shutil.which(started.name) == str(started)
-    return started.name if is_on_path else _shown(started)
+    if is_on_path:
+        return started.name
+    return _shown(started)
 
 
 def typed(*words: object) -> str:
     """Return a command of this program as a user types it, with short paths."""
-    texts = [_shown(word) if isinstance(word, Path) else str(word) for word in words]
+    texts = []
+    for word in words:
+        if isinstance(word, Path):
+            texts.append(_shown(word))
+        else:
+            texts.append(str(word))
     return f"{program()} {shlex.join(texts)}"
 
 
@@ -40,4 +47,6 @@ def _shown(path: Path) -> str:
         return str(path)
     if relative.startswith(".."):
         return str(path)
-    return f"./{relative}" if relative.startswith("-") else relative
+    if relative.startswith("-"):
+        return f"./{relative}"
+    return relative

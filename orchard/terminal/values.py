@@ -23,7 +23,10 @@ def clock(tick: int) -> str:
     """Return the simulated time of a tick as a user reads it: 12:00 or 12:00.5."""
     minutes, ticks = divmod(tick, 60 * TICKS_PER_SECOND)
     seconds, tenths = divmod(ticks, TICKS_PER_SECOND)
-    return f"{minutes}:{seconds:02d}" + (f".{tenths}" if tenths else "")
+    shown = f"{minutes}:{seconds:02d}"
+    if tenths:
+        shown += f".{tenths}"
+    return shown
 
 
 def moment(text: str) -> int:

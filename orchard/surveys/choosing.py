@@ -31,32 +31,54 @@ class Chosen:
 
 def chosen(features: Sequence[Feature], source: Source) -> Chosen:
     """Return the features that are rows. Raises ScenarioError."""
-    options = source.options
-    notes: list[str] = []
-    rest = _of_block([_as_area(feature) for feature in features], source)
-    for name in options.without:
-        if all(feature.name != name for feature in rest):
-            known = listed([feature.name for feature in rest])
-            problem = Problem(source.file, f"has no feature {printable(name)}; it has {known}")
-            raise ScenarioError([problem])
-    named = [feature for feature in rest if feature.name in options.without]
-    rest = [feature for feature in rest if feature.name not in options.without]
+    of_block = _of_block([_as_area(feature) for feature in features], source)
+    _check_names(of_block, source)
+    named = []
+    rest = []
+    for feature in of_block:
+        if feature.name in source.options.without:
+            named.append(feature)
+        else:
+            rest.append(feature)
     kind = _kind(rest, source)
-    used = [feature for feature in rest if feature.kind == kind]
-    others = [feature for feature in rest if feature.kind != kind]
+    used = []
+    others = []
+    for feature in rest:
+        if feature.kind == kind:
+            used.append(feature)
+        else:
+            others.append(feature)
+    notes = []
     if named:
-        notes.append(f"left out, as --without says: {listed([_words(one) for one in named])}")
+        notes.append(f"left out, as --without says: {_listed_words(named)}")
     if others:
-        words = listed([_words(feature) for feature in others])
+        words = _listed_words(others)
         notes.append(f"left out, as {_plural(others)} no {_KINDS[kind]}: {words}")
     return Chosen(used, kind, notes)
+
+
+def _check_names(features: Sequence[Feature], source: Source) -> None:
+    """Raise ScenarioError if a name that the user leaves out is that of no feature."""
+    names = [feature.name for feature in features]
+    for name in source.options.without:
+        if name not in names:
+            text = f"has no feature {printable(name)}; it has {listed(names)}"
+            raise ScenarioError([Problem(source.file, text)])
+
+
+def _listed_words(features: Sequence[Feature]) -> str:
+    """Return features with their kinds as a list in words."""
+    return listed([_words(feature) for feature in features])
 
 
 _KINDS = {LINE: "line of a row", POLYGON: "polygon", POINT: "point of a tree"}
 
 
 def _plural(features: Sequence[Feature]) -> str:
-    return "it is" if len(features) == 1 else "each is"
+    """Return the subject and the verb for so many features."""
+    if len(features) == 1:
+        return "it is"
+    return "each is"
 
 
 def _as_area(feature: Feature) -> Feature:
@@ -82,7 +104,9 @@ def _of_block(features: list[Feature], source: Source) -> list[Feature]:
         return features
     blocks = blocks_of(features)
     if name not in blocks:
-        wanted = f"it has {listed(list(blocks))}" if blocks else "none of its features names one"
+        wanted = "none of its features names one"
+        if blocks:
+            wanted = f"it has {listed(list(blocks))}"
         keys = listed(list(BLOCK_KEYS))
         problem = Problem(
             source.file,

@@ -1,7 +1,7 @@
 """What every file of a survey is read into: features with their points."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -82,11 +82,21 @@ def with_short_names(features: list[Feature]) -> list[Feature]:
     return [feature._replace(name=short[feature.name]) for feature in features]
 
 
+def all_points(features: Sequence[Feature]) -> np.ndarray:
+    """Return the points of all parts of features, (n,) complex."""
+    parts: list[np.ndarray] = []
+    for feature in features:
+        parts += feature.parts
+    return np.concatenate(parts)
+
+
 def fault_of_holes(count: int) -> str:
     """Return what is wrong with a polygon that has so many holes; "" if it has none."""
     if not count:
         return ""
-    holes = "a hole" if count == 1 else f"{count} holes"
+    holes = f"{count} holes"
+    if count == 1:
+        holes = "a hole"
     return (
         f"has {holes}, and rows would go through; draw it without, or as polygons beside the hole,"
         " each imported by itself"

@@ -20,14 +20,14 @@ from orchard.surveys.features import (
     name_of,
 )
 
-# Type of a geometry -> the kind of feature, and how many lists deep its parts stand.
+# Type of a geometry -> the kind of feature, and whether its coordinates are a list of parts.
 _KINDS = {
-    "Point": (POINT, 0),
-    "MultiPoint": (POINT, 0),
-    "LineString": (LINE, 0),
-    "MultiLineString": (LINE, 1),
-    "Polygon": (POLYGON, 0),
-    "MultiPolygon": (POLYGON, 1),
+    "Point": (POINT, False),
+    "MultiPoint": (POINT, False),
+    "LineString": (LINE, False),
+    "MultiLineString": (LINE, True),
+    "Polygon": (POLYGON, False),
+    "MultiPolygon": (POLYGON, True),
 }
 
 
@@ -55,10 +55,10 @@ def _named_system(content: dict[str, Any]) -> str:
     """Return the coordinate system that a file names, as GeoJSON of 2008 does, and QGIS and GDAL
     still do.
     """
-    crs = content.get("crs")
-    properties = crs.get("properties") if isinstance(crs, dict) else None
-    name = properties.get("name") if isinstance(properties, dict) else None
-    return name if isinstance(name, str) else LONGITUDE_LATITUDE
+    match content.get("crs"):
+        case {"properties": {"name": str(name)}}:
+            return name
+    return LONGITUDE_LATITUDE
 
 
 def _feature(members: dict[str, Any], number: int) -> Feature:
@@ -72,26 +72,32 @@ def _feature(members: dict[str, Any], number: int) -> Feature:
         geometry = {}
     kind_in_file = geometry.get("type")
     kind = ""
-    depth = 0
+    has_several = False
     if isinstance(kind_in_file, str):
-        kind, depth = _KINDS.get(kind_in_file, ("", 0))
+        kind, has_several = _KINDS.get(kind_in_file, ("", False))
     feature = Feature(name, kind, show(kind_in_file), (), properties)
     if not kind:
         return feature
-    coordinates = geometry.get("coordinates")
-    listed = coordinates if depth else [coordinates]
+    listed: Any = geometry.get("coordinates")
+    if not has_several:
+        listed = [listed]
     try:
-        if not isinstance(listed, list):
-            raise ValueError("must have at least two different points")
-        parts = []
-        for part in listed:
-            parts.append(_part(part, kind, kind_in_file == "Point"))
-        if not parts:
-            raise ValueError("has no points")
+        parts = _parts(listed, kind, kind_in_file == "Point")
     except ValueError as error:
         return feature._replace(fault=str(error))
-    holes = sum(len(part) - 1 for part in listed) if kind == POLYGON else 0
+    holes = 0
+    if kind == POLYGON:
+        holes = sum(len(rings) - 1 for rings in listed)
     return feature._replace(parts=tuple(parts), fault=fault_of_holes(holes))
+
+
+def _parts(listed: Any, kind: str, is_single: bool) -> list[np.ndarray]:
+    """Return the points of each part of a feature. Raises ValueError if there are none."""
+    if not isinstance(listed, list):
+        raise ValueError("must have at least two different points")
+    if not listed:
+        raise ValueError("has no points")
+    return [_part(coordinates, kind, is_single) for coordinates in listed]
 
 
 def _part(coordinates: Any, kind: str, is_single: bool) -> np.ndarray:
@@ -101,11 +107,13 @@ def _part(coordinates: Any, kind: str, is_single: bool) -> np.ndarray:
     """
     if is_single:
         coordinates = [coordinates]
-    if kind == POLYGON:
-        # The first ring is the outline; the others are holes, which `_feature` refuses.
-        coordinates = coordinates[0] if isinstance(coordinates, list) and coordinates else []
     if not isinstance(coordinates, list):
         coordinates = []
+    if kind == POLYGON and coordinates:
+        # The first ring is the outline; the others are holes, which `_feature` refuses.
+        coordinates = coordinates[0]
+        if not isinstance(coordinates, list):
+            coordinates = []
     points = np.array([_point(number, pair) for number, pair in enumerate(coordinates, start=1)])
     if kind != POINT and (len(points) < 2 or np.abs(points - points[0]).max() == 0.0):
         raise ValueError("must have at least two different points")

@@ -45,9 +45,11 @@ def import_survey(path: Path, options: ImportOptions = ImportOptions()) -> Impor
     problems = [*survey.problems, *faulty]
     if not usable:
         raise ScenarioError([*problems, _too_few(source.file, 0)])
-    system = survey.crs if options.crs is None else options.crs
-    if options.crs is None and not survey.crs:
-        raise ScenarioError([*problems, _no_system(source)])
+    system = options.crs
+    if system is None:
+        system = survey.crs
+        if not system:
+            raise ScenarioError([*problems, _no_system(source)])
     in_order = _in_order(usable, system, source)
     try:
         plane, on_ground = on_a_plane(in_order, system)
@@ -121,7 +123,9 @@ def _in_order(features: list[Feature], system: str, source: Source) -> list[Feat
                 f" {source.command(swap_coordinates=False)}"
             )
             raise ScenarioError([Problem(source.file, text)])
-    return with_swapped(features) if is_swapped else features
+    if not is_swapped:
+        return features
+    return with_swapped(features)
 
 
 def _rows_of(
@@ -173,10 +177,12 @@ def _problems_of_rows(
     problems = []
     if not FEWEST_ROWS <= count <= MOST_ROWS:
         problems.append(_too_few(source.file, count))
-    faults = list(faults_of_lines(rows.lines)) if rows.lines else []
-    for name, text in faults:
-        problems.append(Problem(source.file, text, f"feature {name}"))
-    if faults or count > MOST_ROWS:
+    has_faults = False
+    if rows.lines:
+        for name, text in faults_of_lines(rows.lines):
+            problems.append(Problem(source.file, text, f"feature {name}"))
+            has_faults = True
+    if has_faults or count > MOST_ROWS:
         problems += _hints(rows, features, source)
     return problems
 
@@ -248,4 +254,6 @@ def _usual_spacing(lines: Sequence[SurveyedLine]) -> float:
         others = [abs(middle - other) for j, other in enumerate(middles) if j != i]
         if others:
             nearest.append(min(others))
-    return median(nearest) if nearest else 0.0
+    if not nearest:
+        return 0.0
+    return median(nearest)

@@ -124,7 +124,9 @@ def _feature(placemark: Element, folder: str, number: int) -> Feature:
 
 def _points(element: Element | None, kind: str) -> np.ndarray:
     """Return the points of an element, (n,) complex. Raises ValueError for what is none."""
-    text = "" if element is None else element.text or ""
+    text = ""
+    if element is not None:
+        text = element.text or ""
     points = []
     for number, word in enumerate(text.split(), start=1):
         try:
@@ -138,7 +140,9 @@ def _points(element: Element | None, kind: str) -> np.ndarray:
                 " latitude with a comma between, such as 176.3,-37.8"
             )
         points.append(point)
-    fewest = 1 if kind == POINT else 2
+    fewest = 2
+    if kind == POINT:
+        fewest = 1
     if len(set(points)) < fewest:
         raise ValueError("must have at least two different points")
     return np.array(points)

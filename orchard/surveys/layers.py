@@ -52,7 +52,9 @@ def read_layers(source: Source) -> SurveyFile:
         properties = {}
         for key, values in zip(about["fields"], columns, strict=True):
             value = values[number - 1]
-            properties[str(key)] = value.item() if isinstance(value, np.generic) else value
+            if isinstance(value, np.generic):
+                value = value.item()
+            properties[str(key)] = value
         features.append(_feature(shape, properties, number))
     return SurveyFile(features, about["crs"] or "", [])
 
@@ -90,13 +92,24 @@ def _feature(shape: Any, properties: dict[str, Any], number: int) -> Feature:
     for part in shapely.get_parts(shape):
         kinds.add(_KINDS.get(part.geom_type, ""))
         holes += max(0, int(shapely.get_num_interior_rings(part)))
-        outline = shapely.get_exterior_ring(part) if part.geom_type == "Polygon" else part
-        x, y = shapely.get_coordinates(outline).T
-        parts.append(x + 1j * y)
-    kind = kinds.pop() if len(kinds) == 1 else ""
+        parts.append(_outline(part))
+    kind = ""
+    if len(kinds) == 1:
+        (kind,) = kinds
     feature = Feature(name, kind, shape.geom_type, tuple(parts), properties)
     if not np.isfinite(np.concatenate(parts)).all():
         return feature._replace(fault="has a point that is not finite")
     if kind == LINE and min(len(set(part.tolist())) for part in parts) < 2:
         return feature._replace(fault="must have at least two different points")
     return feature._replace(fault=fault_of_holes(holes))
+
+
+def _outline(part: Any) -> np.ndarray:
+    """Return the points of a part: of a polygon those of its outline, (n,) complex."""
+    import shapely
+
+    if part.geom_type == "Polygon":
+        part = shapely.get_exterior_ring(part)
+    x, y = shapely.get_coordinates(part).T
+    points: np.ndarray = x + 1j * y
+    return points

@@ -49,8 +49,10 @@ class ImportOptions:
             elif isinstance(value, tuple):
                 for item in value:
                     words += [name, item]
+            elif isinstance(value, float):
+                words += [name, f"{value:g}"]
             elif value is not None:
-                words += [name, format(value, "g") if isinstance(value, float) else value]
+                words += [name, value]
         return shlex.join(words)
 
 

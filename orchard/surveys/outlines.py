@@ -40,17 +40,17 @@ def lines_of_polygons(
             " wide, by their centre lines"
         )
         return lines, [note]
+    names = listed([feature.name for feature in features])
     if options.spacing is None:
         example = source.command(spacing=5.0, direction=30.0, headland=8.0)
         text = (
-            f"has {len(features)} polygons, and no rows: {listed([one.name for one in features])}."
-            " If one is the outline of a block, say how its rows lie: m between them, clockwise"
-            f" from north, m without trees at both ends, for example {example}"
+            f"has {len(features)} polygons, and no rows: {names}. If one is the outline of a"
+            " block, say how its rows lie: m between them, clockwise from north, m without trees"
+            f" at both ends, for example {example}"
         )
         raise ScenarioError([Problem(source.file, text)])
     if len(features) > 1 or len(features[0].parts) > 1:
-        names = [feature.name for feature in features]
-        text = f"has several outlines, {listed(names)}; leave out all but one: --without NAME"
+        text = f"has several outlines, {names}; leave out all but one: --without NAME"
         raise ScenarioError([Problem(source.file, text)])
     return _rows_in(features[0], north, source)
 

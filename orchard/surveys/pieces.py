@@ -39,14 +39,17 @@ class _Piece(NamedTuple):
 
 def joined(features: Sequence[Feature]) -> tuple[list[SurveyedLine], list[str]]:
     """Return a line for each row, on the ground, and what was joined, in words."""
-    lines = [SurveyedLine(row.name, part) for row in features for part in row.parts]
+    lines = []
+    # Name of a row -> its place in the file.
+    places: dict[str, int] = {}
+    for number, feature in enumerate(features):
+        places.setdefault(feature.name, number)
+        for part in feature.parts:
+            lines.append(SurveyedLine(feature.name, part))
     if not lines:
         return [], []
     yaw = direction_of(lines)
     pieces = _pieces(lines, yaw)
-    places = {
-        name: number for number, name in enumerate(dict.fromkeys(row.name for row in features))
-    }
     rows = sorted(_rows(pieces), key=lambda row: places[row[0].name])
     notes = _notes(rows)
     back = cmath.exp(1j * yaw)
@@ -60,6 +63,7 @@ def joined(features: Sequence[Feature]) -> tuple[list[SurveyedLine], list[str]]:
 
 
 def _pieces(lines: Sequence[SurveyedLine], yaw: float) -> list[_Piece]:
+    """Return lines as pieces of rows, in the rows' frame. `yaw`: of the rows, rad."""
     names = [line.id for line in lines]
     pieces = []
     for line in lines:
@@ -70,7 +74,9 @@ def _pieces(lines: Sequence[SurveyedLine], yaw: float) -> list[_Piece]:
 
 def _eastward(points: np.ndarray) -> np.ndarray:
     """Return the points of a piece from west to east."""
-    return points[::-1] if points[0].real > points[-1].real else points
+    if points[0].real > points[-1].real:
+        return points[::-1]
+    return points
 
 
 def _rows(pieces: Sequence[_Piece]) -> list[list[_Piece]]:
@@ -103,17 +109,19 @@ def _notes(rows: Sequence[Sequence[_Piece]]) -> list[str]:
         return []
     names = listed([_named(row) for row in several])
     notes = [f"joined from pieces in one line: {names}"]
+    # Width, m, and row of each gap.
     gaps = []
     for row in several:
         for west, east in pairwise(row):
-            gaps.append((east.west - west.east, row[0].name))
-    real = [(gap, name) for gap, name in gaps if gap > TREE_PITCH]
-    if not real:
+            gap = east.west - west.east
+            if gap > TREE_PITCH:
+                gaps.append((gap, row[0].name))
+    if not gaps:
         return notes
-    without_trees = sum(gap for gap, _ in real)
+    without_trees = sum(gap for gap, _ in gaps)
     metres = sum(row[-1].east - row[0].west for row in rows)
-    widest, name = max(real)
-    count = len({name for _, name in real})
+    widest, name = max(gaps)
+    count = len({name for _, name in gaps})
     share = 100.0 * without_trees / metres
     notes.append(
         f"{_rows_have(count)} wider than {TREE_PITCH:g} m, up to {widest:.2f} m (row {name}). Here"
@@ -125,7 +133,10 @@ def _notes(rows: Sequence[Sequence[_Piece]]) -> list[str]:
 
 
 def _rows_have(count: int) -> str:
-    return "1 row has a gap" if count == 1 else f"{count} rows have gaps"
+    """Return that so many rows have gaps."""
+    if count == 1:
+        return "1 row has a gap"
+    return f"{count} rows have gaps"
 
 
 def _named(row: Sequence[_Piece]) -> str:

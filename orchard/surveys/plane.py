@@ -12,11 +12,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orchard.field.problems import printable
-from orchard.surveys.features import LONGITUDE_LATITUDE, Feature
+from orchard.surveys.features import LONGITUDE_LATITUDE, Feature, all_points
 
 RIGHT_SYSTEM = "name that of the file, geographic or projected: --crs EPSG:2193, for example"
-STEP = 100.0  # m along each axis, in which the scale of a system is measured
-CONFORMAL = 1e-4  # share by which its scales along both axes may differ
+# m along each axis, in which the scale of a system is measured.
+STEP = 100.0
+# The share by which the scales of a system along both axes may differ.
+CONFORMAL = 1e-4
+# EPSG numbers of UTM, to which the number of a zone is added.
+UTM_NORTH = 32600
+UTM_SOUTH = 32700
 
 
 class Plane(NamedTuple):
@@ -45,7 +50,9 @@ def on_a_plane(features: Sequence[Feature], name: str) -> tuple[Plane, list[Feat
         # This also finds points outside a projected system.
         on_globe = _converted(own, own.geodetic_crs or own, features)
         crs = own
-        scale = _scale(own, _middle_of(features)) if own.is_projected else 0.0
+        scale = 0.0
+        if own.is_projected:
+            scale = _scale(own, _middle_of(features))
         if not scale:
             crs = CRS.from_epsg(_utm_zone(_middle_of(on_globe)))
             features = _converted(own, crs, features)
@@ -67,8 +74,9 @@ def on_a_plane(features: Sequence[Feature], name: str) -> tuple[Plane, list[Feat
 def _utm_zone(place: complex) -> int:
     """Return the EPSG number of the zone of UTM at a longitude and latitude, degrees."""
     zone = int((place.real + 180.0) // 6.0) % 60 + 1
-    is_south = place.imag < 0
-    return (32700 if is_south else 32600) + zone
+    if place.imag < 0:
+        return UTM_SOUTH + zone
+    return UTM_NORTH + zone
 
 
 def _words(name: str) -> str:
@@ -84,8 +92,11 @@ def _converted(source: Any, target: Any, features: Sequence[Feature]) -> list[Fe
     from pyproj import Transformer
 
     transformer = Transformer.from_crs(source, target, always_xy=True)
-    most_x = 180.0 if source.is_geographic else math.inf
-    most_y = 90.0 if source.is_geographic else math.inf
+    most_x = math.inf
+    most_y = math.inf
+    if source.is_geographic:
+        most_x = 180.0
+        most_y = 90.0
     converted = []
     for feature in features:
         parts = []
@@ -144,7 +155,7 @@ def _north(crs: Any, middle: complex, scale: float) -> float:
 
 def _middle_of(features: Sequence[Feature]) -> complex:
     """Return the middle of all points."""
-    points = np.concatenate([part for feature in features for part in feature.parts])
+    points = all_points(features)
     return complex(middle(points.real), middle(points.imag))
 
 

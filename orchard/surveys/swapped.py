@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from orchard.surveys.features import Feature
+from orchard.surveys.features import Feature, all_points
 
 # Degrees around the area for which a system is meant, within which a place may lie.
 NEAR = 2.0
@@ -36,7 +36,7 @@ def reason_to_swap(features: Sequence[Feature], name: str) -> str:
     except (ProjError, UnicodeError):
         # It is reported where it is used.
         return ""
-    points = np.concatenate([part for feature in features for part in feature.parts])
+    points = all_points(features)
     middle = complex(np.median(points.real), np.median(points.imag))
     swapped = complex(middle.imag, middle.real)
     if own.is_geographic:

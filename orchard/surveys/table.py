@@ -9,6 +9,7 @@ import io
 import math
 import re
 from collections import defaultdict
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -104,8 +105,10 @@ def read_table(content: bytes, file: str) -> SurveyFile:
     if len(columns.places) == 2:
         features = [_row(record, columns) for record in records]
     else:
-        features = _points_of(records, columns)
-    crs = LONGITUDE_LATITUDE if columns.is_geographic else ""
+        features = _features_of_points(records, columns)
+    crs = ""
+    if columns.is_geographic:
+        crs = LONGITUDE_LATITUDE
     return SurveyFile(features, crs, problems, notes)
 
 
@@ -155,7 +158,9 @@ def _point(cells: list[str], place: tuple[int, int], columns: _Columns, separato
     """Return a point of a line. Raises ValueError for what is none."""
     values = []
     for column in place:
-        cell = cells[column].strip() if column < len(cells) else ""
+        cell = ""
+        if column < len(cells):
+            cell = cells[column].strip()
         if separator != "," and "." not in cell:
             cell = cell.replace(",", ".")
         try:
@@ -202,26 +207,29 @@ def _are_trees(columns: _Columns, records_of: dict[str, list[_Record]]) -> bool:
     return count == rows or count > MOST_OF_A_LINE * rows
 
 
-def _points_of(records: list[_Record], columns: _Columns) -> list[Feature]:
+def _features_of_points(records: list[_Record], columns: _Columns) -> list[Feature]:
     """Return rows, if there are two or three points of each, else trees."""
     records_of: dict[str, list[_Record]] = defaultdict(list)
     for record in records:
         records_of[_row_name(record, columns)].append(record)
-    features = []
-    if _are_trees(columns, records_of):
-        for record in records:
-            tree = record.properties
-            if columns.row is not None and len(records) > len(records_of):
-                tree = tree | {"row": _row_name(record, columns)}
-            points = np.array(record.points)
-            features.append(Feature(f"line {record.number}", POINT, "point", (points,), tree))
-        return features
-    for name, of_row in records_of.items():
-        points = np.array([record.points[0] for record in of_row])
-        fault = ""
-        if len(set(points.tolist())) < 2:
-            numbers = listed([str(record.number) for record in of_row])
-            fault = f"has one end, on line {numbers}; must have two"
-        row = Feature(name, LINE, "row", (points,), of_row[0].properties, fault)
-        features.append(row)
-    return features
+    if not _are_trees(columns, records_of):
+        return [_row_of_points(name, of_row) for name, of_row in records_of.items()]
+    are_in_rows = columns.row is not None and len(records) > len(records_of)
+    trees = []
+    for record in records:
+        properties = record.properties
+        if are_in_rows:
+            properties = properties | {"row": _row_name(record, columns)}
+        points = np.array(record.points)
+        trees.append(Feature(f"line {record.number}", POINT, "point", (points,), properties))
+    return trees
+
+
+def _row_of_points(name: str, records: Sequence[_Record]) -> Feature:
+    """Return the row of which these are the points."""
+    points = np.array([record.points[0] for record in records])
+    fault = ""
+    if len(set(points.tolist())) < 2:
+        numbers = listed([str(record.number) for record in records])
+        fault = f"has one end, on line {numbers}; must have two"
+    return Feature(name, LINE, "row", (points,), records[0].properties, fault)

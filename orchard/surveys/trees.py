@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from orchard.surveys.choosing import listed
-from orchard.surveys.features import Feature
+from orchard.surveys.features import Feature, all_points
 from orchard.surveys.rows import SurveyedLine, turned
 
 # m, width of the strips that points fill.
@@ -46,7 +46,11 @@ def lines_of_trees(features: Sequence[Feature]) -> tuple[list[SurveyedLine], lis
 
 def _count(features: Sequence[Feature]) -> int:
     """Return how many points features have."""
-    return sum(part.size for feature in features for part in feature.parts)
+    count = 0
+    for feature in features:
+        for part in feature.parts:
+            count += part.size
+    return count
 
 
 def _sizes(lines: Sequence[SurveyedLine], count: int) -> str:
@@ -95,7 +99,7 @@ def _in_order(points: np.ndarray) -> np.ndarray:
 
 def _found_lines(features: Sequence[Feature]) -> tuple[list[SurveyedLine], list[str]]:
     """Return the lines in which points stand, from north to south, and the names of the others."""
-    points = np.concatenate([part for feature in features for part in feature.parts])
+    points = all_points(features)
     names = []
     for feature in features:
         for part in feature.parts:

@@ -1,5 +1,6 @@
 """The columns of the tables, with their units. docs/reference.md lists them."""
 
+from collections.abc import Iterator
 from typing import get_args
 
 import pyarrow as pa
@@ -187,10 +188,13 @@ AS_JSON = (
     "recording_parts",
     "recording_gaps",
 )
-SUMMARY = _schema(
-    *(
-        _column(name, kind, UNITS.get(name.split(".")[0], ""), "")
-        for kind, names in (*_OF_SUMMARY.items(), (TEXT, AS_JSON))
-        for name in names
-    )
-)
+
+
+def _summary_columns() -> Iterator[pa.Field]:
+    """Yield the columns of the table of summaries."""
+    for kind, names in (*_OF_SUMMARY.items(), (TEXT, AS_JSON)):
+        for name in names:
+            yield _column(name, kind, UNITS.get(name.split(".")[0], ""), "")
+
+
+SUMMARY = _schema(*_summary_columns())

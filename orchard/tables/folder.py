@@ -139,14 +139,13 @@ def check_folder(folder: Path, scenario: Scenario, tick: int | None = None) -> N
 
 def _check_empty(folder: Path, instead: str) -> None:
     """Raise ValueError if a folder has anything in the place of a table."""
-    names = [
-        name for name in (*GROWING, *AT_THE_END, SUMMARY_NAME) if path_of(folder, name).exists()
-    ]
-    if names and files_of(path_of(folder, "bodies")):
-        raise ValueError(f"{folder}: tables of a run are there, and are not replaced{instead}")
-    if names:
-        there = path_of(folder, names[0])
-        raise ValueError(f"{there}: it has the name of a table, and is not replaced{instead}")
+    for name in (*GROWING, *AT_THE_END, SUMMARY_NAME):
+        path = path_of(folder, name)
+        if not path.exists():
+            continue
+        if files_of(path_of(folder, "bodies")):
+            raise ValueError(f"{folder}: tables of a run are there, and are not replaced{instead}")
+        raise ValueError(f"{path}: it has the name of a table, and is not replaced{instead}")
 
 
 def _check_tables(folder: Path, scenario: Scenario, tick: int, instead: str) -> None:
@@ -174,8 +173,12 @@ def _check_tables(folder: Path, scenario: Scenario, tick: int, instead: str) -> 
 def last_tick(folder: Path) -> int:
     """Return the last tick with rows; 0 if there is none. Raises OSError or ArrowException."""
     files = files_of(path_of(folder, "bodies"))
-    ticks = pq.read_table(files[-1], columns=["tick"])["tick"] if files else []
-    return int(ticks[-1].as_py()) if len(ticks) else 0
+    if not files:
+        return 0
+    ticks = pq.read_table(files[-1], columns=["tick"])["tick"]
+    if len(ticks) == 0:
+        return 0
+    return int(ticks[-1].as_py())
 
 
 def complete(folder: Path, summary: Mapping[str, Any]) -> list[str]:
@@ -187,15 +190,12 @@ def complete(folder: Path, summary: Mapping[str, Any]) -> list[str]:
         write_table(path_of(folder, SUMMARY_NAME), as_table(summary))
         last = last_tick(folder)
     except (OSError, ValueError, pa.ArrowException) as error:
-        return [
-            f"{folder}: the tables cannot be written or read: "
-            f"{getattr(error, 'strerror', None) or error}"
-        ]
-    return (
-        []
-        if last == summary["ticks"]
-        else [f"{folder}: the tables end at tick {last}, and the run at tick {summary['ticks']}"]
-    )
+        why = getattr(error, "strerror", None) or error
+        return [f"{folder}: the tables cannot be written or read: {why}"]
+    ticks = summary["ticks"]
+    if last != ticks:
+        return [f"{folder}: the tables end at tick {last}, and the run at tick {ticks}"]
+    return []
 
 
 def as_table(summary: Mapping[str, Any]) -> pa.Table:

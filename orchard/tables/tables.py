@@ -171,7 +171,9 @@ class Tables:
             path_of(self._folder, name).unlink(missing_ok=True)
         for name, schema in GROWING.items():
             # The tick of bodies is that of a step's end, of other tables that of its begin.
-            until = tick + 1 if name == "bodies" else tick
+            until = tick
+            if name == "bodies":
+                until = tick + 1
             own_schema = schema.with_metadata(self._metadata)
             self._growing[name] = GrowingTable(path_of(self._folder, name), own_schema, until)
 
@@ -196,10 +198,11 @@ class Tables:
     def flush(self) -> None:
         """Write the rows that are kept."""
         with self._faults_logged():
-            events = [
-                (event.tick, event.what, event.who, event.whom or None, event.detail or None)
-                for event in self._events
-            ]
+            events = []
+            for event in self._events:
+                whom = event.whom or None
+                detail = event.detail or None
+                events.append((event.tick, event.what, event.who, whom, detail))
             rows = {
                 "bodies": self._bodies.take(),
                 "events": _table(events, EVENTS),

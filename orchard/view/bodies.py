@@ -42,11 +42,13 @@ class BodyView:
         self.rec = columns.rec
         self.columns = columns
         self.layout = layout
-        self.path = {start.name: _path_of(start) for start in layout.starts}
+        self.path = {}
         # Name -> the texts of its states that have occurred, and their colours.
-        self._colours: dict[str, dict[str, palette.Colour]] = {
-            start.name: {} for start in layout.starts if start.kind != "weed"
-        }
+        self._colours: dict[str, dict[str, palette.Colour]] = {}
+        for start in layout.starts:
+            self.path[start.name] = _path_of(start)
+            if start.kind != "weed":
+                self._colours[start.name] = {}
         self._bins = indices(layout, {"bin"})
         self._weeds = indices(layout, {"weed"})
         self._towing = indices(layout, HAULERS)
@@ -118,11 +120,18 @@ class BodyView:
         for i, level in self._changed("levels", levels):
             path = self.path[self.layout.names[self._bins[i]]]
             z = BIN_FLOOR + (BIN_RIM - BIN_FLOOR) * level / FILL_STEPS
-            scale = (1.0, 1.0, z - FRUIT_BOTTOM) if level else UNSEEN
+            fruit_scale = UNSEEN
+            if level:
+                fruit_scale = (1.0, 1.0, z - FRUIT_BOTTOM)
             self.columns.add(
-                f"{path}/fruit", rr.InstancePoses3D, translations=[(0.0, 0.0, z)], scales=[scale]
+                f"{path}/fruit",
+                rr.InstancePoses3D,
+                translations=[(0.0, 0.0, z)],
+                scales=[fruit_scale],
             )
-            flag_scale = WHOLE if level >= FILL_STEPS else UNSEEN
+            flag_scale = UNSEEN
+            if level >= FILL_STEPS:
+                flag_scale = WHOLE
             self.columns.add(f"{path}/full", rr.InstancePoses3D, scales=[flag_scale])
 
     def bars(self, coupled: np.ndarray) -> None:
@@ -136,11 +145,14 @@ class BodyView:
             kind = KINDS[robot.kind]
             front = (-kind.length / 2 + 0.1, 0.0, 0.42)
             rear = (-kind.tows + 0.45, 0.0, 0.42)
+            strips = []
+            if is_coupled:
+                strips.append([front, rear])
             self.rec.log(path, rr.CoordinateFrame(robot.name), static=True)
             self.columns.add(
                 path,
                 rr.LineStrips3D,
-                strips=[[front, rear]] if is_coupled else [],
+                strips=strips,
                 colors=[palette.BAR],
                 radii=[0.09],
             )
@@ -150,7 +162,10 @@ class BodyView:
         for i, is_alive in self._changed("weeds", alive[self._weeds]):
             self.rec.set_time(TIMELINE, duration=self.columns.tick * TIME_STEP)
             path = self.path[self.layout.names[self._weeds[i]]]
-            self.rec.log(path, model("weed") if is_alive else rr.Clear(recursive=False))
+            if is_alive:
+                self.rec.log(path, model("weed"))
+            else:
+                self.rec.log(path, rr.Clear(recursive=False))
 
     def _changed(self, subject: str, values: np.ndarray) -> list[tuple[int, int]]:
         """Return the index and value of each value that is not as last shown; at first, of all.
@@ -243,12 +258,12 @@ def _strip(lane: Lane) -> tuple[np.ndarray, np.ndarray]:
     half = lane.width / 2 - 0.6
     south = lane.y - half
     north = lane.y + half
-    corners = [
-        [(w, south, ROW_Z), (e, south, ROW_Z), (e, north, ROW_Z), (w, north, ROW_Z)]
-        for w, e in pairwise(edges)
-    ]
+    corners = []
+    for west, east in pairwise(edges):
+        corners += [(west, south), (east, south), (east, north), (west, north)]
+    on_ground = np.column_stack([np.array(corners), np.full(len(corners), ROW_Z)])
     triangles = (4 * np.arange(CHUNKS)[:, None] + np.array([0, 1, 2, 0, 2, 3])).reshape(-1, 3)
-    return np.array(corners, np.float32).reshape(-1, 3), triangles.astype(np.uint32)
+    return on_ground.astype(np.float32), triangles.astype(np.uint32)
 
 
 def _fruit(lane: Lane) -> np.ndarray:

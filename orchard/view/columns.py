@@ -28,8 +28,10 @@ class Columns:
         """Add a row to an entity: components of an archetype, or of `rr.AnyValues`, each a list or
         an array of its instances.
         """
+        if tick is None:
+            tick = self.tick
         rows = self._rows.setdefault((path, archetype, *values), [])
-        rows.append((self.tick if tick is None else tick, values))
+        rows.append((tick, values))
 
     def send(self) -> None:
         """Send all rows, those of an entity and archetype together."""

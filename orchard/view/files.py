@@ -19,7 +19,9 @@ HEAD = b"RRF"
 
 def part(path: Path, number: int) -> Path:
     """Return the path of a part. Parts are numbered from 1."""
-    return path if number == 1 else path.with_suffix(f".part{number}{path.suffix}")
+    if number == 1:
+        return path
+    return path.with_suffix(f".part{number}{path.suffix}")
 
 
 def is_further_part(path: Path) -> bool:
@@ -125,9 +127,13 @@ def viewer_program() -> str:
     parent is ended.
     """
     chosen = os.environ.get(CHOSEN)
-    path = Path(chosen) if chosen else _packaged_viewer()
+    if chosen:
+        path = Path(chosen)
+        place = f"{CHOSEN}={path}"
+    else:
+        path = _packaged_viewer()
+        place = str(path)
     if not path.is_file():
-        place = f"{CHOSEN}={path}" if chosen else str(path)
         raise FileNotFoundError(
             f"{place}: no such program; expected Rerun's viewer, which the package rerun-sdk"
             " installs"

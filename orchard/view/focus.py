@@ -43,16 +43,17 @@ class Focus:
     """Follows a picker or a carrier, and turns to another one that has more to show."""
 
     def __init__(self, layout: Layout) -> None:
-        self._index = {
-            start.name: number
-            for number, start in enumerate(layout.starts)
-            if start.kind in HAULERS
-        }
+        self._index = {}
+        for number, start in enumerate(layout.starts):
+            if start.kind in HAULERS:
+                self._index[start.name] = number
         self._states: dict[str, State] = dict.fromkeys(self._index, "resting")
         self._robot = ""
-        self._since = 0  # tick at which the camera has turned to this robot
+        # The tick at which the camera has turned to this robot.
+        self._since = 0
         self._tick = 0
-        self._place = [0.0, 0.0]  # m
+        # x and y, m.
+        self._place = [0.0, 0.0]
 
     def follow(self, frame: Frame) -> list[float]:
         """Return the pose of the focus at a frame: x and y in m, yaw 0."""

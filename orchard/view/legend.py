@@ -2,6 +2,7 @@
 that it explains.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import rerun as rr
@@ -82,7 +83,9 @@ def _placed() -> tuple[list[Placed], float]:
         x = GAP / 2
         y = (number + 0.5) * LINE
         for word in line:
-            begin = x + 2 * MARK if word.mark else x
+            begin = x
+            if word.mark:
+                begin += 2 * MARK
             width = LETTER * len(word.text)
             placed.append(Placed(word, x, y, begin + width / 2))
             x = begin + width + GAP
@@ -100,22 +103,25 @@ def log_legend(rec: rr.RecordingStream) -> None:
     words = rr.Points2D(
         [(place.middle, place.y - RISE) for place in PLACED],
         labels=[place.word.text for place in PLACED],
-        colors=[place.word.colour for place in PLACED],
+        colors=_colours(PLACED),
         radii=[0.01],
         show_labels=True,
     )
     rec.log(LEGEND, words, static=True)
     dots = _with_mark("dot")
     middles = [(place.x + MARK / 2, place.y) for place in dots]
-    colours = [place.word.colour for place in dots]
-    points = rr.Points2D(middles, colors=colours, radii=[-MARK / 2])
+    points = rr.Points2D(middles, colors=_colours(dots), radii=[-MARK / 2])
     rec.log(f"{LEGEND}/dots", points, static=True)
     for mark, form in FORMS.items():
         marked = _with_mark(mark)
         strips = [_strip(place, form) for place in marked]
-        colours = [place.word.colour for place in marked]
-        lines = rr.LineStrips2D(strips, colors=colours, radii=[-1.5])
+        lines = rr.LineStrips2D(strips, colors=_colours(marked), radii=[-1.5])
         rec.log(f"{LEGEND}/{mark}s", lines, static=True)
+
+
+def _colours(placed: Sequence[Placed]) -> list[palette.Colour]:
+    """Return the colours of words."""
+    return [place.word.colour for place in placed]
 
 
 def _with_mark(mark: str) -> list[Placed]:

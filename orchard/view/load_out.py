@@ -21,6 +21,8 @@ LOAD_Z = DECK_Z + DECK[2] + LOAD[2]
 BIN = (0.5, 0.5, 0.4)
 BIN_PITCH = 1.3
 BESIDE = 40
+# In place of the number of bins on a trailer that is away.
+AWAY = -1
 
 
 class LoadOutView:
@@ -34,10 +36,12 @@ class LoadOutView:
         self._south = layout.top
         self._count = load_out.trailers.count or 0
         self._most = load_out.trailers.bins or 1
-        self._bins = (load_out.empty_bins or 0) if load_out.has_truck else 0
+        self._bins = 0
+        if load_out.has_truck:
+            self._bins = load_out.empty_bins or 0
         # Of each trailer, as last told, the bins on it at the bay and the tick of its return.
         self._known = np.zeros((self._count, 2), dtype=np.int64)
-        # Of each trailer the bins on it as last shown, -1 while it is away; None: not shown yet.
+        # Of each trailer the bins on it as last shown, AWAY while it is away; None: not shown yet.
         self._shown: list[int | None] = [None] * self._count
         self._waiting = -1
         look = rr.Boxes3D.from_fields(fill_mode="solid")
@@ -51,22 +55,26 @@ class LoadOutView:
         if trailers is not None:
             self._known = trailers[: self._count, :2]
         for number, (bins, back) in enumerate(self._known.tolist()):
-            shown = -1 if back > tick else bins
+            shown = bins
+            if back > tick:
+                shown = AWAY
             if shown != self._shown[number]:
                 self._shown[number] = shown
                 self._show_trailer(number, shown)
 
     def _show_trailer(self, number: int, bins: int) -> None:
-        """Add a trailer with its bins; one that is away, with -1 bins, has no boxes."""
+        """Add a trailer with its bins; `bins`: AWAY of one that is away, which has no boxes."""
         x = self._west + PITCH * number
         y = self._south + NORTH
         centers = []
         half_sizes = []
         colours = []
-        if bins >= 0:
+        labels = []
+        if bins != AWAY:
             centers.append((x, y, DECK_Z))
             half_sizes.append(DECK)
             colours.append(palette.BARE)
+            labels.append(f"trailer {number + 1}: {bins} of {self._most} bins")
         if bins > 0:
             half_length = LOAD[1] * bins / self._most
             centers.append((x, y + LOAD[1] - half_length, LOAD_Z))
@@ -78,7 +86,7 @@ class LoadOutView:
             centers=centers,
             half_sizes=half_sizes,
             colors=colours,
-            labels=[f"trailer {number + 1}: {bins} of {self._most} bins"] if bins >= 0 else [],
+            labels=labels,
         )
 
     def bins(self, waiting: int) -> None:
@@ -92,7 +100,10 @@ class LoadOutView:
             x = self._west + BIN_PITCH * (number % BESIDE)
             y = self._south + BIN_PITCH * (1 + number // BESIDE)
             centers.append((x, y, BIN[2]))
-            colours.append(palette.KIWI if number < waiting else palette.BAR)
+            if number < waiting:
+                colours.append(palette.KIWI)
+            else:
+                colours.append(palette.BAR)
         self._columns.add(
             "world/load_out/bins",
             rr.Boxes3D,

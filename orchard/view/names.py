@@ -47,7 +47,10 @@ PLACES = np.array(
 def points_to_metres(layout: Layout) -> float:
     """Return the metres on the plan that are one screen point wide, in a usual window."""
     height, width = plan_size(layout)
-    window_height, window_width = HIGH_PLAN if height >= width else WIDE_PLAN
+    window = WIDE_PLAN
+    if height >= width:
+        window = HIGH_PLAN
+    window_height, window_width = window
     return max(height / window_height, width / window_width)
 
 
@@ -85,15 +88,19 @@ class NameView:
         pitch = min(north.y - south.y for north, south in pairwise(layout.lanes))
         lanes = layout.lanes[:: math.ceil(HEIGHT * self.scale / pitch)]
         x = X_WEST - MARGIN / 2
-        labels = [f"{lane.number}" for lane in lanes]
-        points = [(x, lane.y + DROP * self.scale, ROW_Z) for lane in lanes]
+        labels = []
+        points = []
+        boxes = []
+        for lane in lanes:
+            label = f"{lane.number}"
+            labels.append(label)
+            points.append((x, lane.y + DROP * self.scale, ROW_Z))
+            boxes.append((x, lane.y, *self._half(label)))
         numbers = rr.Points3D(
             points, labels=labels, radii=[0.01], colors=[palette.ROAD_EDGE], show_labels=True
         )
         self.rec.log("plan/rows", numbers, static=True)
-        return np.array(
-            [(x, lane.y, *self._half(label)) for lane, label in zip(lanes, labels, strict=True)]
-        )
+        return np.array(boxes)
 
     def show(self, tick: int, poses: np.ndarray) -> None:
         """Add the names every half second if a robot has moved. `poses`: (n, 3)."""
@@ -128,8 +135,10 @@ class NameView:
             covered_count = _covers(spots[robot], half, taken[: first + robot]).sum(axis=-1)
             place = (costs[robot] + COVERS_NAME * covered_count).argmin()
             self._places[robot] = place
-            # A name without room is left out.
-            taken[first + robot, :2] = np.nan if covered_count[place] else spots[robot, place]
+            taken[first + robot, :2] = spots[robot, place]
+            if covered_count[place]:
+                # A name without room is left out.
+                taken[first + robot, :2] = np.nan
             collides |= _covers(best, self._halves, taken[[first + robot]])[:, 0, 0]
         is_shown = ~np.isnan(taken[first:, 0])
         return list(compress(self._labels, is_shown)), taken[first:, :2][is_shown]

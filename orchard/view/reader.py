@@ -135,29 +135,35 @@ def _why(error: subprocess.SubprocessError) -> str:
         return os.strerror(int(numbers[-1]))
     end = f"Rerun's program has ended with exit code {error.returncode}"
     last_line = words.rpartition("\n")[2].removeprefix("Error: ")
-    return f"{end}: {last_line}" if last_line else end
+    if not last_line:
+        return end
+    return f"{end}: {last_line}"
 
 
 def missing(path: Path, ticks: int) -> dict[str, Any]:
     """Return the summary's entries for the recording of so many ticks: parts, gaps (s), frames left
     out.
     """
-    contents = {file: read_part(file) for file in parts_of(path)}
-    parts = {file: content for file, content in contents.items() if content is not None}
+    parts = []
     gaps: list[tuple[int, int]] = []
     last = 0
     messages_dropped = 0
-    for content in parts.values():
+    for file in parts_of(path):
+        content = read_part(file)
+        if content is None:
+            continue
+        parts.append(file.name)
         gaps += content.gaps
         last = max(last, content.last)
         messages_dropped += content.left_out
     if last < ticks:
         gaps.append((last, ticks))
+    in_seconds = []
+    for since, until in gaps:
+        in_seconds.append([round(since * TIME_STEP, 1), round(until * TIME_STEP, 1)])
     return {
-        "recording_parts": [file.name for file in parts],
-        "recording_gaps": [
-            [round(since * TIME_STEP, 1), round(until * TIME_STEP, 1)] for since, until in gaps
-        ],
+        "recording_parts": parts,
+        "recording_gaps": in_seconds,
         "messages_dropped": messages_dropped,
     }
 
@@ -192,16 +198,18 @@ def ticks_of(chunk: Chunk) -> list[int]:
 def column(chunk: Chunk, name: str) -> list[Any]:
     """Return the values of a component; none if the chunk has no such component."""
     batch = chunk.to_record_batch()
-    return list(batch[name].to_pylist()) if name in batch.schema.names else []
+    if name not in batch.schema.names:
+        return []
+    return list(batch[name].to_pylist())
 
 
 def _values(chunk: Chunk, name: str) -> list[tuple[int, int]]:
     """Return the values of a component of one number, each with its tick."""
-    return [
-        (int(value[0]), tick)
-        for value, tick in zip(column(chunk, name), ticks_of(chunk), strict=False)
-        if value
-    ]
+    values = []
+    for value, tick in zip(column(chunk, name), ticks_of(chunk), strict=False):
+        if value:
+            values.append((int(value[0]), tick))
+    return values
 
 
 def _words(chunk: Chunk) -> list[dict[str, Colour]]:

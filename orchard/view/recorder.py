@@ -70,9 +70,13 @@ class Recorder:
         self.rec = rr.RecordingStream("orchard", recording_id=run)
         self.rec.set_log_time_enabled(False)
         self.rec.set_log_tick_enabled(False)
-        self._file = None if path is None else RecordingFile(Path(path))
+        self._file: RecordingFile | None = None
+        name = run
+        if path is not None:
+            self._file = RecordingFile(Path(path))
+            name = Path(path).stem
         self.uri = self._open(port)
-        self.rec.send_recording_name(run if path is None else Path(path).stem)
+        self.rec.send_recording_name(name)
         log_scenery(self.rec, layout)
         log_legend(self.rec)
         log_focus(self.rec)
@@ -81,9 +85,9 @@ class Recorder:
             rr.TextDocument(layout.scenario.model_dump_json(), media_type="application/json"),
             static=True,
         )
-        for series, (name, colour, width) in SERIES.items():
+        for series, (title, colour, width) in SERIES.items():
             style = rr.SeriesLines(
-                names=[name], colors=[colour], widths=[width], interpolation_mode="StepAfter"
+                names=[title], colors=[colour], widths=[width], interpolation_mode="StepAfter"
             )
             self.rec.log(series, style, static=True)
         columns = Columns(self.rec)

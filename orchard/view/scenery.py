@@ -252,7 +252,7 @@ def _bay(layout: Layout) -> list[Part]:
 
 
 def queue_lines(layout: Layout) -> list[Part]:
-    """The lines of the queue: white those in which carriers wait, green those in which they
+    """Return the lines of the queue: white those in which carriers wait, green those in which they
     charge.
     """
     # y of a line -> x of its western end.
@@ -263,7 +263,9 @@ def queue_lines(layout: Layout) -> list[Part]:
     east = layout.queue.head + 1.4
     lines = []
     for y, west in west_ends.items():
-        colour = palette.CHARGING if y in layout.charging_lines else palette.PAINT
+        colour = palette.PAINT
+        if y in layout.charging_lines:
+            colour = palette.CHARGING
         for side in (-1.1, 1.1):
             middle = y + side
             lines.append(_slab(Rect(west, middle - 0.075, east, middle + 0.075), ROW_Z, colour))

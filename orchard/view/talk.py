@@ -2,7 +2,7 @@
 of the event log.
 """
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -47,8 +47,10 @@ def line_of(event: Event) -> str:
     """Return an event as one line, such as 'bin_01 > carrier_02: call, is a carrier free? row 3,
     east end'.
     """
-    sender = f"{event.who} > {event.whom}" if event.whom else event.who
-    return f"{sender}: {_words_of(event)}"
+    ends = event.who
+    if event.whom:
+        ends += f" > {event.whom}"
+    return f"{ends}: {_words_of(event)}"
 
 
 def _words_of(event: Event) -> str:
@@ -82,8 +84,10 @@ def _alike(events: Sequence[Event], end: str) -> list[list[Event]]:
     """
     groups: dict[Hashable, list[Event]] = {}
     for event in events:
+        group: Hashable = event
         is_message = palette.plain(event.what) in palette.TALK and event.whom
-        group = (event.what, getattr(event, end)) if is_message else event
+        if is_message:
+            group = event.what, getattr(event, end)
         groups.setdefault(group, []).append(event)
     return list(groups.values())
 
@@ -93,7 +97,9 @@ def _together(names: Sequence[str]) -> str:
     if len(names) <= MOST_NAMES:
         return ", ".join(names)
     kinds = {name.rpartition("_")[0] for name in names}
-    kind = kinds.pop() if len(kinds) == 1 else "robot"
+    kind = "robot"
+    if len(kinds) == 1:
+        (kind,) = kinds
     return f"{len(names)} {kind}s"
 
 
@@ -141,6 +147,13 @@ class Talk:
         self._sent_at[message] = tick
         return last is None or tick - last > REPEAT_TICKS
 
+    def _drawn_arcs(self, tick: int, news: Sequence[Event]) -> Iterator[Drawn]:
+        """Yield the arcs of events that are messages between bodies."""
+        for event in news:
+            drawn = self._drawn(tick, event)
+            if drawn is not None:
+                yield drawn
+
     def forget(self) -> None:
         """Drop all arcs, after a gap.
 
@@ -154,7 +167,7 @@ class Talk:
 
         `poses`: (n, 3).
         """
-        fresh = [drawn for event in news if (drawn := self._drawn(tick, event)) is not None]
+        fresh = list(self._drawn_arcs(tick, news))
         half_second = tick // RENEWED_TICKS
         if not fresh and half_second == self._renewed:
             return

@@ -104,8 +104,13 @@ def serve_web(port: int, *sources: str) -> subprocess.Popen[bytes]:
     `sources`: the address of live data, or the parts of a recording. Each part but the last must be
     whole.
     """
-    # The server has another working directory.
-    shown = [source if _is_address(source) else str(Path(source).resolve()) for source in sources]
+    shown = []
+    for source in sources:
+        if _is_address(source):
+            shown.append(source)
+        else:
+            # The server has another working directory.
+            shown.append(str(Path(source).resolve()))
     return subprocess.Popen(
         command_for("orchard.view.web", [*shown, "--port", str(port)]),
         cwd=ROOT,

@@ -112,20 +112,27 @@ def bins_of(log: BinLog, shift: WorkShift) -> LoggedBins:
 def _times_of(opened: _OpenBin, shift: WorkShift) -> LoggedBin:
     """Return the times of a bin."""
     full = opened.full
-    times = {}
-    for name, line in (("fetched", opened.fetched), ("unloaded", opened.unloaded)):
-        is_same_day = line is not None and line.time.date() == full.time.date()
-        times[name] = worked_seconds(line.time, shift) if line and is_same_day else None
-    carrier = opened.fetched.carrier if opened.fetched is not None else ""
+    day = full.time.date()
+    carrier = ""
+    if opened.fetched is not None:
+        carrier = opened.fetched.carrier
     return LoggedBin(
         picker=full.picker,
         row=full.row,
         carrier=carrier,
-        day=full.time.date(),
+        day=day,
         full=worked_seconds(full.time, shift),
+        fetched=_time_on_day(opened.fetched, day, shift),
+        unloaded=_time_on_day(opened.unloaded, day, shift),
         line=full.number,
-        **times,
     )
+
+
+def _time_on_day(line: LogLine | None, day: date, shift: WorkShift) -> float | None:
+    """Return the working time of a line, s; None if it is missing, or of another day."""
+    if line is None or line.time.date() != day:
+        return None
+    return worked_seconds(line.time, shift)
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,10 +196,12 @@ class _BinBook:
         # Else it has stood overnight, which is no drive.
         possible = of_day or carried[-1:]
         if possible:
+            unloaded = possible[0]
             own = [taken for taken in possible if taken.is_of_carrier(line)]
-            for older in own[:-1]:
-                older.opened.is_passed_over = True
-            unloaded = own[-1] if own else possible[0]
+            if own:
+                *older_ones, unloaded = own
+                for older in older_ones:
+                    older.opened.is_passed_over = True
             unloaded.opened.unloaded = line
             self.on_their_way.remove(unloaded)
             return
@@ -206,8 +215,7 @@ class _BinBook:
         """Return what the log says of the last bin that may be meant, in words."""
         for opened in reversed(self.bins):
             if _is_of(line, opened.full):
-                events = (opened.full, opened.fetched, opened.unloaded)
-                last = [event for event in events if event is not None][-1]
+                last = opened.unloaded or opened.fetched or opened.full
                 return f" (line {last.number}: its last one was {last.event})"
         for opened in reversed(self.bins):
             if not _differs(line, opened.full):

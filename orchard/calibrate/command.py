@@ -116,7 +116,9 @@ def _heading(evidence: _Evidence) -> str:
     """Return what the log holds, in words."""
     bins = evidence.logged.bins
     days = len({of_log.day for of_log in bins})
-    span = "one day" if days == 1 else f"{days} days"
+    span = f"{days} days"
+    if days == 1:
+        span = "one day"
     return f"{evidence.log.file}: {len(bins)} bins of {span}"
 
 

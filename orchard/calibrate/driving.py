@@ -5,9 +5,10 @@ metre takes, and the rest is what is handled and waited for. A model that is as 
 slope and rest, in which what carriers lose to each other is known.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,7 +33,17 @@ class BinDrives:
     @property
     def reach(self) -> float:
         """From the shortest way to the longest one, m."""
-        return float(np.ptp(self.metres)) if len(self.metres) else 0.0
+        if not len(self.metres):
+            return 0.0
+        return float(np.ptp(self.metres))
+
+
+class _Drive(NamedTuple):
+    """The drive of a full bin."""
+
+    logged: LoggedBin
+    metres: float
+    seconds: float
 
 
 def drives_of(
@@ -43,18 +54,14 @@ def drives_of(
 ) -> tuple[BinDrives, list[str]]:
     """Return the drives of full bins, and a sentence for each that is left out as far too long.
 
-    `metres_of`: row -> its way to the bay, m.
+    `metres_of`: row -> its way to the bay, m. `file`: of the log; "" for bins of a model, of which
+    no drive is left out.
     """
-    known = []
-    for logged in bins:
-        fetched = logged.fetched
-        unloaded = logged.unloaded
-        if fetched is None or unloaded is None or logged.row not in metres_of:
-            continue
-        if not is_silent(silences, logged.day, fetched, unloaded):
-            known.append((logged, metres_of[logged.row], unloaded - fetched))
-    usual = median(seconds for _, _, seconds in known) if known else 0.0
-    if file and known and usual <= 0.0:
+    known = list(_known_drives(bins, metres_of, silences))
+    if not file or not known:
+        return _drives(known), []
+    usual = median(drive.seconds for drive in known)
+    if usual <= 0.0:
         sentence = (
             f"{file}: most bins were unloaded at the very time at which they were fetched, so the"
             " drives are left out; write times to the second"
@@ -62,20 +69,35 @@ def drives_of(
         return _drives([]), [sentence]
     kept = []
     sentences = []
-    for logged, metres, seconds in known:
-        if not file or seconds <= MOST_TIMES_THE_MEDIAN * usual:
-            kept.append((metres, seconds))
+    for drive in known:
+        times_the_usual = drive.seconds / usual
+        if drive.seconds <= MOST_TIMES_THE_MEDIAN * usual:
+            kept.append(drive)
             continue
         sentences.append(
-            f"{file}:{logged.line}: this bin was unloaded {seconds / 60.0:.0f} min after it was"
-            f" fetched, {seconds / usual:.1f} times as long as most; its drive is left out"
+            f"{file}:{drive.logged.line}: this bin was unloaded {drive.seconds / 60.0:.0f} min"
+            f" after it was fetched, {times_the_usual:.1f} times as long as most; its drive is left"
+            " out"
         )
     return _drives(kept), sentences
 
 
-def _drives(pairs: Sequence[tuple[float, float]]) -> BinDrives:
-    """Return drives. `pairs`: metres and seconds of each."""
-    columns = np.array(pairs).reshape(-1, 2)
+def _known_drives(
+    bins: Sequence[LoggedBin], metres_of: Mapping[str, float], silences: Sequence[Silence]
+) -> Iterator[_Drive]:
+    """Yield the drives of bins of which row and both times are known, without a silence between."""
+    for logged in bins:
+        fetched = logged.fetched
+        unloaded = logged.unloaded
+        if fetched is None or unloaded is None or logged.row not in metres_of:
+            continue
+        if not is_silent(silences, logged.day, fetched, unloaded):
+            yield _Drive(logged, metres_of[logged.row], unloaded - fetched)
+
+
+def _drives(drives: Sequence[_Drive]) -> BinDrives:
+    """Return drives as arrays."""
+    columns = np.array([(drive.metres, drive.seconds) for drive in drives]).reshape(-1, 2)
     return BinDrives(columns[:, 0], columns[:, 1])
 
 
@@ -152,7 +174,9 @@ def fit_driving(
             why = "times do not grow with the way to the bay for certain"
         else:
             fitted = estimate(float(speed(*samples)), samples, speed, confidence)
-    rest = unloading_alone if fitted is None else unloading
+    rest = unloading
+    if fitted is None:
+        rest = unloading_alone
     handled = estimate(float(rest(*samples)), samples, rest, confidence)
     # The rest of a steep slope can be less than nothing. A time in the bay cannot.
     handled = replace(

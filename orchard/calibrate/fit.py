@@ -68,7 +68,9 @@ def fit(
     """
     intervals, left_out = without_long_ones(intervals_of(logged.bins, logged.silences), file)
     base = base.model_copy(update={"picker_rates": {}})
-    advice = "; name your scenario: --on SCENARIO.yaml" if is_assumed else ""
+    advice = ""
+    if is_assumed:
+        advice = "; name your scenario: --on SCENARIO.yaml"
     picking = _fit_picking(intervals, _plain(base), file, confidence, advice)
     notes: list[str] = []
     scenario = with_changes(base, **_picking_values(base, picking, notes))
@@ -195,8 +197,9 @@ def _picking_values(base: Scenario, picking: PickingFit, notes: list[str]) -> di
         elif spread.value < LEAST_CV:
             notes.append(f"{name} do not differ for certain: {key}.distribution is none")
         else:
-            is_drawn = before.distribution != "none"
-            distribution = before.distribution if is_drawn else USUAL_SPREAD
+            distribution: str = before.distribution
+            if distribution == "none":
+                distribution = USUAL_SPREAD
             values[key] = {"distribution": distribution, "cv": round(spread.value, 4)}
     return values
 
@@ -236,7 +239,8 @@ def driving_values(
     `resample`: that of its resamples that counts; None: the estimate itself. `notes`: get what is
     beyond the limits of a scenario.
     """
-    notes = [] if notes is None else notes
+    if notes is None:
+        notes = []
     values = {}
     if driving.speed is None:
         notes.append(f"the speed of carriers is not told: {driving.why}")

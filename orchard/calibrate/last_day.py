@@ -163,14 +163,15 @@ def _drawn(fitted: Fit, scenario: Scenario, names: Sequence[str], run: int) -> S
         changes["picking.spread.cv"] = cv
     if fitted.driving is not None:
         changes |= driving_values(fitted.driving, resample)
-    between = picking.between_pickers
-    spread = 0.0 if between is None else between.value
+    spread = 0.0
+    if picking.between_pickers is not None:
+        spread = picking.between_pickers.value
     sigma = math.sqrt(math.log(1.0 + spread * spread))
     rates = {}
     for number in range(scenario.pickers):
         # Drawn for each, so that a picker that is known changes nothing of the others.
-        other = math.exp(sigma * random.standard_normal() + sigma * sigma / 2.0)
-        known = picking.rates.get(names[number]) if number < len(names) else None
-        share = other if known is None else known / picking.rate.value
+        share = math.exp(sigma * random.standard_normal() + sigma * sigma / 2.0)
+        if number < len(names) and names[number] in picking.rates:
+            share = picking.rates[names[number]] / picking.rate.value
         rates[name_of("picker", number + 1)] = float(np.clip(share, SLOWEST, QUICKEST))
     return with_changes(scenario, **changes, picker_rates=rates)

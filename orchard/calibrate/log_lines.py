@@ -7,7 +7,7 @@ carrier. All that is wrong with lines is collected, each with its line and with 
 import csv
 import io
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from difflib import get_close_matches
@@ -74,26 +74,24 @@ def read_log(path: Path) -> BinLog:
         notes.append(f"columns that are not used: {', '.join(map(printable, unused))}")
     cells_of = dict(_cells(text, separator, file))
     problems: list[Problem] = []
-    drafts: list[tuple[LogLine, LogTime]] = []
+    lines: list[LogLine] = []
+    times: dict[int, LogTime] = {}
     for number, cells in cells_of.items():
-        if any(cell.strip() for cell in cells[len(names) :]):
+        if _has_text(cells[len(names) :]):
             text = (
                 f"has {len(cells)} cells below {len(names)} names; a cell with a separator in it"
                 ' must stand in quotes: "Ana, team 2"'
             )
             problems.append(Problem(file, text, line=number))
             continue
-        values = {
-            column: cells[place].strip() for column, place in places.items() if place < len(cells)
-        }
-        draft = _line_of(number, values, file, problems)
+        draft = _line_of(number, _values(cells, places), file, problems)
         if draft is not None:
-            drafts.append(draft)
+            line, time = draft
+            lines.append(line)
+            times[line.number] = time
     if not cells_of:
         problems.append(Problem(file, f"has no line below its names; must have lines of {HEADER}"))
-    times = {line.number: time for line, time in drafts}
     in_other_zones = list(time_problems(times, file))
-    lines = [line for line, _ in drafts]
     problems += in_other_zones
     problems += _repeated(lines, file)
     # Clocks of two zones have no order.
@@ -102,6 +100,23 @@ def read_log(path: Path) -> BinLog:
     if problems:
         raise ScenarioError(problems)
     return BinLog(file, lines, frozenset(places), notes)
+
+
+def _has_text(cells: Sequence[str]) -> bool:
+    """Whether a cell is more than blanks."""
+    return any(cell.strip() for cell in cells)
+
+
+def _values(cells: Sequence[str], places: Mapping[str, int]) -> dict[str, str]:
+    """Return the values of a line by column. `places`: column -> its number.
+
+    A short line lacks its last columns.
+    """
+    values = {}
+    for column, place in places.items():
+        if place < len(cells):
+            values[column] = cells[place].strip()
+    return values
 
 
 def _names_of(head: str, separator: str, file: str) -> list[str]:
@@ -146,7 +161,7 @@ def _cells(text: str, separator: str, file: str) -> Iterator[tuple[int, list[str
     try:
         next(reader, None)
         for cells in reader:
-            if any(cell.strip() for cell in cells):
+            if _has_text(cells):
                 yield reader.line_num, cells
     except csv.Error as error:
         raise ScenarioError([Problem(file, f"is no CSV: {error}", line=reader.line_num)]) from None
@@ -195,7 +210,9 @@ def _event_of(word: str) -> Event | None:
 def _guess(word: str) -> str:
     """Return which event a wrong word may stand for, in words; "" if none is near."""
     near = get_close_matches(_plain(word)[:40], EVENTS, n=1)
-    return f"; did you mean {near[0]}?" if near else ""
+    if not near:
+        return ""
+    return f"; did you mean {near[0]}?"
 
 
 def whose_in_words(line: LogLine) -> str:
@@ -207,7 +224,9 @@ def whose(line: LogLine) -> str:
     """Return whose bin a line is about: names that are not the same differ."""
     if line.picker:
         return line.picker
-    return f"row {line.row}" if line.row else line.carrier
+    if line.row:
+        return f"row {line.row}"
+    return line.carrier
 
 
 def _repeated(lines: Sequence[LogLine], file: str) -> Iterator[Problem]:

@@ -85,8 +85,10 @@ def _sign_of(offset: timedelta) -> str:
 
 def _as_written(time: LogTime) -> str:
     """Return a time as it stands in the file."""
-    sign = "" if time.offset is None else _sign_of(time.offset)
-    return f"{time.local.isoformat()}{sign}"
+    written = time.local.isoformat()
+    if time.offset is None:
+        return written
+    return written + _sign_of(time.offset)
 
 
 def _right_time(time: LogTime, home: timedelta | None) -> str:

@@ -72,8 +72,11 @@ def _bins_of(harvest: EventHarvest) -> list[LoggedBin]:
     bins = []
     for picker, row, tick in _full_bins(harvest):
         # Of a row one bin at a time is full, so the next trip to the row fetches it.
-        later = [trip for trip in trips_of.get(row, []) if trip.fetched > tick]
-        trip = later[0] if later else _Trip(row)
+        trip = _Trip(row)
+        for later in trips_of.get(row, []):
+            if later.fetched > tick:
+                trip = later
+                break
         bins.append(
             LoggedBin(
                 picker=picker,
@@ -90,7 +93,9 @@ def _bins_of(harvest: EventHarvest) -> list[LoggedBin]:
 
 def _seconds(tick: int) -> float | None:
     """Return the time of a tick, s; None if it is not yet."""
-    return None if tick == c.NONE else tick * TIME_STEP
+    if tick == c.NONE:
+        return None
+    return tick * TIME_STEP
 
 
 @dataclass(frozen=True)
@@ -130,7 +135,9 @@ def _trips(harvest: EventHarvest) -> Iterator[_Trip]:
         for number in np.flatnonzero(kinds[:-1] == c.TAKE_BIN):
             row = _row_of(int(own.op[number]), jobs)
             after = unloads[unloads > number]
-            unloaded = int(own.tick[after[0] + 1]) if len(after) else c.NONE
+            unloaded = c.NONE
+            if len(after):
+                unloaded = int(own.tick[after[0] + 1])
             yield _Trip(row, name, int(own.tick[number + 1]), unloaded)
 
 

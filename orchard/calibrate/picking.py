@@ -149,7 +149,9 @@ class PickingTimes:
             if len(own) > 1:
                 widened = 1.0 + (own - 1.0) * math.sqrt(len(own) / (len(own) - 1))
                 factors.append(widened)
-        return np.concatenate(factors) if factors else np.array([])
+        if not factors:
+            return np.array([])
+        return np.concatenate(factors)
 
     @cached_property
     def bins_variance(self) -> float:
@@ -159,7 +161,9 @@ class PickingTimes:
         for bins in self._bins:
             squares += float(((bins / bins.mean() - 1.0) ** 2).sum())
             freedom += len(bins) - 1
-        return squares / freedom if freedom else math.nan
+        if not freedom:
+            return math.nan
+        return squares / freedom
 
     @cached_property
     def _bins_in_rows(self) -> float:
@@ -267,5 +271,7 @@ def _between_bins(times: PickingTimes, usual: PickingTimes) -> float | None:
     """Return how the bins of a row differ; None if no row has several."""
     if math.isnan(times.bins_variance):
         return None
-    of_model = 0.0 if math.isnan(usual.bins_variance) else usual.bins_variance
+    of_model = usual.bins_variance
+    if math.isnan(of_model):
+        of_model = 0.0
     return math.sqrt(max(0.0, times.bins_variance - of_model))

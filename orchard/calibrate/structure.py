@@ -47,10 +47,12 @@ def orchard_of(
     """
     notes: list[str] = []
     changes: dict[str, object] = {}
-    base = Scenario() if on is None else _without_rates(on, notes)
     rows = {logged.row for logged in bins if logged.row}
     if on is None:
+        base = Scenario()
         changes |= _rows_of_the_log(bins, rows, notes)
+    else:
+        base = _without_rates(on, notes)
     pickers = _most_a_day(bins, "picker")
     if pickers:
         changes["pickers"] = max(FEWEST_PICKERS, pickers)
@@ -93,8 +95,10 @@ def _changed(
         problems = []
         for problem in error.problems:
             keys = {path.split(".")[0] for path in problem.path.split(", ")}
-            is_of_log = not on_file or bool(keys & changes.keys())
-            problems.append(replace(problem, file=log_file if is_of_log else on_file))
+            at_fault = on_file
+            if not on_file or keys & changes.keys():
+                at_fault = log_file
+            problems.append(replace(problem, file=at_fault))
         raise ScenarioError(problems) from None
 
 
@@ -122,7 +126,9 @@ def _rows_of_the_log(
         mean = fmean(_most_bins_a_day(bins).values())
         in_the_log = f"; {len(rows)} rows of {mean:.3g} bins a day are in the log"
         has_many_rows = pickers > 0 and count >= LEAST_ROWS_A_PICKER * pickers
-        least = 1.0 if has_many_rows else LEAST_BINS_A_ROW
+        least = LEAST_BINS_A_ROW
+        if has_many_rows:
+            least = 1.0
         bins_per_row = round(min(MOST_BINS_A_ROW, max(least, mean)), 1)
     length = max(usual.row_length, METRES_A_BIN * bins_per_row)
     notes.append(
@@ -149,23 +155,42 @@ def _numbered(file: str, bins: Sequence[LoggedBin], base: Scenario) -> list[Logg
 
     Raises ScenarioError for some rows that the scenario does not have.
     """
-    number_of = {}
-    if base.survey is not None:
-        number_of = {row.id: number for number, row in enumerate(base.survey.rows, 1)}
+    surveyed = _numbers_of_survey(base)
     numbered = []
     problems = []
+    are_names = True
     for logged in bins:
-        number = number_of.get(logged.row)
-        match = _NUMBER.fullmatch(logged.row)
-        if number is None and match is not None:
-            number = int(match[1])
-        if logged.row and (number is None or number > base.rows):
+        number = _row_number(logged.row, surveyed)
+        row = ""
+        if number:
+            row = str(number)
+            are_names = False
+        if logged.row and not 0 < number <= base.rows:
             text = f"must be a row of the scenario, 1 to {base.rows}"
             problems.append(Problem(file, text, "row", printable(logged.row), logged.line))
-        numbered.append(replace(logged, row="" if number is None else str(number)))
-    are_names = all(not logged.row for logged in numbered)
+        numbered.append(replace(logged, row=row))
     if are_names:
         return None
     if problems:
         raise ScenarioError(problems)
     return numbered
+
+
+def _numbers_of_survey(base: Scenario) -> dict[str, int]:
+    """Return the number of each row of a scenario that has a name, by that name."""
+    if base.survey is None:
+        return {}
+    return {row.id: number for number, row in enumerate(base.survey.rows, 1)}
+
+
+def _row_number(row: str, surveyed: Mapping[str, int]) -> int:
+    """Return the number that a row of a log has; 0 if its name says none.
+
+    `surveyed`: the numbers of rows by name.
+    """
+    if row in surveyed:
+        return surveyed[row]
+    number = _NUMBER.fullmatch(row)
+    if number is None:
+        return 0
+    return int(number[1])

@@ -56,10 +56,13 @@ SEARCH = {
 class Optimum:
     """The shortest time of a harvest."""
 
-    proven_seconds: float  #: no dispatch policy makes a shorter harvest
-    best_seconds: float  #: of the best schedule that was found
+    #: No dispatch policy makes a shorter harvest.
+    proven_seconds: float
+    #: Of the best schedule that was found.
+    best_seconds: float
     bins: int
-    cut_after_seconds: float | None = None  #: of the clock, which ended a search before its work
+    #: The limit of the clock that ended a search before its work did, s; None: none did.
+    cut_after_seconds: float | None = None
 
     @property
     def gap(self) -> float:
@@ -74,7 +77,8 @@ def optimum(layout: Layout, work: float = WORK, free_roads: bool = False) -> Opt
     `work`: of the solver, at most. `free_roads`: no robot is in another's way, nor in the bay.
     Raises NoBound for agents and steps of the user's own.
     """
-    if fault := _unknown(layout):
+    fault = _unknown(layout)
+    if fault:
         raise NoBound(fault)
     jobs = jobs_of(layout)
     schedule = Schedule(jobs, layout.scenario.carrier_count)
@@ -91,19 +95,21 @@ def optimum(layout: Layout, work: float = WORK, free_roads: bool = False) -> Opt
         schedule.share_roads()
         schedule.share_bay(headway, layout.scenario.bays)
         schedule.model.add(schedule.end >= least)
-    solvers = [_solved(schedule.model, FIRST * work)]
-    if (
-        not solvers[0].response_proto.solution
-        or solvers[0].best_objective_bound < solvers[0].objective_value
-    ):
-        schedule.hint(solvers[0])
+    first = _solved(schedule.model, FIRST * work)
+    solvers = [first]
+    if not _has_solution(first) or first.best_objective_bound < first.objective_value:
+        schedule.hint(first)
         solvers.append(_solved(schedule.model, (1.0 - FIRST) * work, use_objective_lb_search=True))
-    cuts += [limit for one in solvers if (limit := _cut_after(one)) is not None]
-    proven = max(least, *(one.best_objective_bound for one in solvers))
-    best = min(
-        (one.objective_value for one in solvers if one.response_proto.solution),
-        default=schedule.horizon,
-    )  # one job after the other
+    proven: float = least
+    # One job after the other takes so long.
+    best: float = schedule.horizon
+    for solver in solvers:
+        proven = max(proven, solver.best_objective_bound)
+        if _has_solution(solver):
+            best = min(best, solver.objective_value)
+        limit = _cut_after(solver)
+        if limit is not None:
+            cuts.append(limit)
     return Optimum(
         proven_seconds=round(proven * TIME_STEP, 1),
         best_seconds=round(best * TIME_STEP, 1),
@@ -112,10 +118,17 @@ def optimum(layout: Layout, work: float = WORK, free_roads: bool = False) -> Opt
     )
 
 
+def _has_solution(solver: CpSolver) -> bool:
+    """Whether a solver has found a schedule."""
+    return bool(solver.response_proto.solution)
+
+
 def _unknown(layout: Layout) -> str:
     """Say what the bound does not know of an orchard; '' if it knows all of it."""
-    scenario, route = layout.scenario, route_of(layout)
-    if own := sorted({*scenario.agents, *scenario.agents_without_body}):
+    scenario = layout.scenario
+    route = route_of(layout)
+    own = sorted({*scenario.agents, *scenario.agents_without_body})
+    if own:
         return f"the bound knows built-in agents only, and not {', '.join(own)}"
     if route.Steps:
         return (
@@ -125,7 +138,13 @@ def _unknown(layout: Layout) -> str:
     return ""
 
 
+def _carrier_ticks(job: TimedJob) -> int:
+    """Return how long a job takes its carrier, until it stands at the head of the queue, ticks."""
+    return job.approach + job.to_bay + job.to_head
+
+
 def _solved(model: CpModel, work: float, **search: bool) -> CpSolver:
+    """Return a solver that has searched. `work`: at most; `search`: more of its parameters."""
     solver = CpSolver()
     for name, value in (SEARCH | search).items():
         setattr(solver.parameters, name, value)
@@ -154,11 +173,12 @@ class Schedule:
     """
 
     def __init__(self, jobs: Sequence[TimedJob], carriers: int) -> None:
-        self.jobs, self.carriers, self.model = jobs, carriers, CpModel()
+        """`carriers`: how many there are."""
+        self.jobs = jobs
+        self.carriers = carriers
+        self.model = CpModel()
         self.times = list[IntVar]()
-        self.horizon = sum(
-            job.ready + job.approach + job.to_bay + job.to_head + job.going_on for job in jobs
-        )
+        self.horizon = sum(job.ready + _carrier_ticks(job) + job.going_on for job in jobs)
         self.stops = [self._time(earliest) for earliest in self._earliest()]
         self.bays = [self._time() for _ in jobs]
         self.end = self._time(self.least)
@@ -180,24 +200,26 @@ class Schedule:
                 self.model.add_hint(time, solver.value(time))
 
     def _before(self, number: int) -> int | None:
-        """The job of the same picker before a job."""
-        return (
-            number - 1
-            if number and self.jobs[number - 1].picker == self.jobs[number].picker
-            else None
-        )
+        """Return the job of the same picker before a job; None if it is the first one."""
+        if number == 0 or self.jobs[number - 1].picker != self.jobs[number].picker:
+            return None
+        return number - 1
 
     def _went_on(self, number: int) -> LinearExprT:
-        """When the picker of a job went on before."""
+        """Return when the picker of a job went on before."""
         before = self._before(number)
-        return 0 if before is None else self.stops[before] + self.jobs[before].going_on
+        if before is None:
+            return 0
+        return self.stops[before] + self.jobs[before].going_on
 
     def _earliest(self) -> list[int]:
-        """The earliest stop of each job."""
+        """Return the earliest stop of each job, ticks."""
         earliest: list[int] = []
         for number, job in enumerate(self.jobs):
+            went_on = 0
             before = self._before(number)
-            went_on = 0 if before is None else earliest[before] + self.jobs[before].going_on
+            if before is not None:
+                went_on = earliest[before] + self.jobs[before].going_on
             earliest.append(max(went_on + job.ready, job.approach))
         return earliest
 
@@ -207,28 +229,24 @@ class Schedule:
         all if no carrier ever waits. No carrier begins before its first job can, nor works on when
         the harvest is over, but for its place in the queue.
         """
-        last = max(
-            stop + job.to_bay + job.to_rest
-            for stop, job in zip(self._earliest(), self.jobs, strict=True)
-        )
+        begins = []
+        ends = []
+        for stop, job in zip(self._earliest(), self.jobs, strict=True):
+            begins.append(stop - job.approach)
+            ends.append(stop + job.to_bay + job.to_rest)
+        last = max(ends)
         if len(self.jobs) < self.carriers:
             return last
-        first = sorted(
-            stop - job.approach for stop, job in zip(self._earliest(), self.jobs, strict=True)
-        )[: self.carriers]
-        busy = sum(first) + sum(job.approach + job.to_bay + job.to_head for job in self.jobs)
-        return max(
-            last, -(-busy // self.carriers) - max(job.to_head - job.to_rest for job in self.jobs)
-        )
+        busy = sum(sorted(begins)[: self.carriers]) + sum(map(_carrier_ticks, self.jobs))
+        end_of_all = -(-busy // self.carriers) - max(job.to_head - job.to_rest for job in self.jobs)
+        return max(last, end_of_all)
 
     def _share_carriers(self) -> None:
         """Let no more jobs be done at a time than there are carriers."""
-        rounds = [job.approach + job.to_bay + job.to_head for job in self.jobs]
-        begun = [stop - job.approach for stop, job in zip(self.stops, self.jobs, strict=True)]
-        intervals = [
-            self.model.new_fixed_size_interval_var(*one, "")
-            for one in zip(begun, rounds, strict=True)
-        ]
+        intervals = []
+        for stop, job in zip(self.stops, self.jobs, strict=True):
+            begin = stop - job.approach
+            intervals.append(self.model.new_fixed_size_interval_var(begin, _carrier_ticks(job), ""))
         self.model.add_cumulative(intervals, [1] * len(intervals), self.carriers)
 
     def share_roads(self) -> None:
@@ -265,7 +283,10 @@ class Schedule:
             self.model.add_cumulative(occupied, [1] * len(occupied), bays)
 
     def _place_in_order(self, number: int, at: IntVar, use: Use, begins: Any) -> None:
-        """`begins`: the earliest stop, from which on the use's time counts."""
+        """Tie the begin of a use to the stop and the bay of its job.
+
+        `at`: when the use begins, ticks; `begins`: the earliest stop, from which its time counts.
+        """
         stop = self.stops[number]
         self.model.add(at >= begins + ticks(use.at))
         if use.at <= 0.0:

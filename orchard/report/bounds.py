@@ -207,7 +207,10 @@ def plan_of_pass(route: OneWay, current: Pass, after: Pass) -> list[TimedStep]:
     """
     side = route.sides[current.end]
     lane = route.layout.lane(current.row)
-    x = lane.west if side is route.east else lane.east
+    # The picker enters the row at the end from which it does not leave.
+    x = lane.east
+    if side is route.east:
+        x = lane.west
     start = Pose(x, lane.y, HEADINGS[side.heading("EAST")])
     steps = route.pick(current, came_over=False) + route.go_on(current, after)
     return list(timed_steps(steps, start, route.layout.machines["picker"]))
@@ -267,7 +270,9 @@ def _way_in_seconds(route: OneWay, side: Side, x: float) -> float:
 
     `side`: that of the row's end at which the bin is exchanged. `x`: of the other end, m.
     """
-    opposite = route.west if side is route.east else route.east
+    opposite = route.east
+    if side is route.east:
+        opposite = route.west
     return abs(opposite.x(route.WAITING) - x) / route.layout.machines["picker"].speed
 
 
@@ -299,7 +304,7 @@ def _claimed(job: Sequence[TimedStep], place: str, never: float) -> float:
 
 
 def _handling(plan: Sequence[TimedStep]) -> float:
-    """The time that a plan takes beside all drives and turns, s: for bins, and for answers."""
+    """Return the time that a plan takes beside all drives and turns, s: for bins and answers."""
     return sum(moment.handling for moment in plan)
 
 
@@ -324,9 +329,13 @@ def schedule_seconds(layout: Layout) -> float:
 def ideal_of(layout: Layout) -> Layout:
     """Return the layout without all that disturbs, and with rules that the fast model knows."""
     scenario = layout.scenario
+    dispatch = scenario.dispatch
+    if dispatch not in POLICIES:
+        dispatch = NEAREST
     route = route_of(layout)
-    dispatch = scenario.dispatch if scenario.dispatch in POLICIES else NEAREST
-    known_route = route.QUEUE if route.Steps else scenario.route
+    known_route = scenario.route
+    if route.Steps:
+        known_route = route.QUEUE
     return lay_out(
         undisturbed(
             scenario, agents={}, agents_without_body={}, dispatch=dispatch, route=known_route

@@ -39,7 +39,9 @@ def payments_of_long_run(
 
     `days`: None if there are none; then nothing is paid by the day.
     """
-    hours = days.day_hours if days is not None else 1.0
+    hours = 1.0
+    if days is not None:
+        hours = days.day_hours
     whole = Day(count=1, hours=hours, seconds=3600.0 * hours)
     return _payments(scenario, [whole], bins_per_hour * hours)
 
@@ -76,7 +78,7 @@ def _payments(scenario: Scenario, days: list[Day], bins: float) -> dict[str, flo
         "overhead_days": count * (prices.overhead_per_day or 0.0),
         "bins": bins * (prices.per_bin or 0.0),
     }
-    return {what: amount / bins for what, amount in paid.items() if amount}
+    return {purpose: amount / bins for purpose, amount in paid.items() if amount}
 
 
 def _up_to_least(prices: Prices, days: list[Day], bins: float) -> float:

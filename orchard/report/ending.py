@@ -12,7 +12,9 @@ BROKEN_TICKS = 10
 
 def why_over(engine: Engine, figures: HarvestFigures) -> str:
     """Return why a run is over: 'harvested', or what `fault_of` returns; '' if it goes on."""
-    return "harvested" if engine.over else fault_of(engine, figures)
+    if engine.over:
+        return "harvested"
+    return fault_of(engine, figures)
 
 
 def fault_of(engine: Engine, figures: HarvestFigures) -> str:
@@ -26,7 +28,9 @@ def fault_of(engine: Engine, figures: HarvestFigures) -> str:
         return "refused"
     if _are_pickers_broken(engine):
         return "broken"
-    return "jammed" if figures.jammed(engine.world) else ""
+    if figures.jammed(engine.world):
+        return "jammed"
+    return ""
 
 
 def jam_of(engine: Engine, figures: HarvestFigures) -> list[str]:

@@ -77,10 +77,12 @@ def long_run(
     limit = limit or bounds
     bin_metres = layout.scenario.bin_metres
     most_rows = max(len(block.rows) for block in layout.blocks.values())
-    bins_a_row = layout.mean_length / bin_metres if bin_metres else 1.0
-    least = rows_each or max(
-        ceil(LEAST_BINS / bins_a_row), ceil(LEAST_ROUNDS / max(1.0, bins_a_row)) * most_rows
-    )
+    bins_a_row = 1.0
+    if bin_metres:
+        bins_a_row = layout.mean_length / bin_metres
+    rows_for_bins = ceil(LEAST_BINS / bins_a_row)
+    rows_for_rounds = ceil(LEAST_ROUNDS / max(1.0, bins_a_row)) * most_rows
+    least = rows_each or max(rows_for_bins, rows_for_rounds)
     run = _LongRun(layout, bounds, limit, least)
     figures = run.figures()
     battery = run.battery
@@ -92,7 +94,9 @@ def long_run(
         3600.0 * (1.0 - battery.reserve) * (battery.hours / busy + battery.hours_to_charge)
     )
     needed = ceil(least * CHARGES * charge_seconds * (1.0 - BEGINNING) / figures.sim_seconds)
-    return figures if needed <= least else _LongRun(layout, bounds, limit, needed).figures()
+    if needed <= least:
+        return figures
+    return _LongRun(layout, bounds, limit, needed).figures()
 
 
 @dataclass(frozen=True)
@@ -153,9 +157,11 @@ class _LongRun:
 
     @property
     def since(self) -> float:
-        """The time from which on it is measured, s."""
+        """The time from which on the harvest is measured, s; infinity if it is not yet."""
         deliveries = self.harvest.deliveries
-        return deliveries[self.first_bin] if len(deliveries) > self.first_bin else inf
+        if len(deliveries) <= self.first_bin:
+            return inf
+        return deliveries[self.first_bin]
 
     def _goes_on(self) -> bool:
         return self._picks and not self._is_measured
@@ -168,12 +174,15 @@ class _LongRun:
     @property
     def _is_measured(self) -> bool:
         """Whether the fastest picker has done its least rows, and each one its whole rounds."""
-        exchanges = self.harvest.exchanges
-        is_long = any(
-            len(exchanges[name]) >= self.least_rows * whole.bins / whole.rows
-            for name, whole in self.rounds.items()
+        return any(map(self._has_least_rows, self.pickers)) and all(
+            map(self._has_rounds, self.pickers)
         )
-        return is_long and all(self._has_rounds(name) for name in self.pickers)
+
+    def _has_least_rows(self, name: str) -> bool:
+        """Whether a picker has done its least rows."""
+        whole = self.rounds[name]
+        least_bins = self.least_rows * whole.bins / whole.rows
+        return len(self.harvest.exchanges[name]) >= least_bins
 
     # -- the rate
 
@@ -220,7 +229,9 @@ class _LongRun:
         limit = self.limit.of_pickers[name]
         share = _ratio(whole, plan.exchanged, run.exchanged)
         carriers = _ratio(whole, run.carriers, plan.carriers)
-        chargers = _ratio(whole, run.chargers, plan.chargers) if limit.charging else 0.0
+        chargers = 0.0
+        if limit.charging:
+            chargers = _ratio(whole, run.chargers, plan.chargers)
         return _PickerFigures(
             rate=share / (limit.picking + limit.crossing + limit.waiting),
             carrier_seconds=carriers * (limit.cycle + limit.charging),

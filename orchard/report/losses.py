@@ -39,10 +39,14 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
     has_batteries = scenario.has_batteries
     waits = scenario.load_out.has_trailers or scenario.load_out.has_truck
     costs = {}
+    is_disturbed = alone.scenario != scenario
     rest = seconds
-    if has_batteries or waits or alone.scenario != scenario:
+    if has_batteries or waits or is_disturbed:
         rest = _length_alone(alone, seconds)
-    own = rest if alone.scenario != scenario else seconds
+    # The length without people and animals.
+    own = seconds
+    if is_disturbed:
+        own = rest
     if has_batteries:
         without = with_endless_batteries(alone)
         costs["charging"] = rest - _length_alone(without, rest)
@@ -90,7 +94,9 @@ def _length_alone(layout: Layout, seconds: float) -> float:
     One that does not end there tells nothing.
     """
     harvest = harvested(layout)
-    return min(seconds, harvest.seconds) if harvest.is_over else seconds
+    if not harvest.is_over:
+        return seconds
+    return min(seconds, harvest.seconds)
 
 
 def with_endless_batteries(layout: Layout) -> Layout:

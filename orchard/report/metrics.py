@@ -88,7 +88,9 @@ class HarvestFigures:
         has_progress = world.has_picked or world.is_any_stopped or world.is_any_plugged
         has_progress |= physics.is_anything_coming(world)
         for name, action in answers.items():
-            done = 0 if action is None else action.steps_done
+            done = 0
+            if action is not None:
+                done = action.steps_done
             # Only haulers count steps. All others have done none.
             if done != self.steps.get(name, 0) and kind_of(name) in HAULERS:
                 self.steps[name] = done
@@ -159,9 +161,11 @@ def collisions(world: World, kinds: tuple[str, ...] = ROBOTS) -> int:
     """Return the number of collisions that bodies of these kinds began: as many as there are
     events.
     """
-    return sum(
-        int(world.collisions[i]) for name, i in world.layout.index.items() if kind_of(name) in kinds
-    )
+    count = 0
+    for name, i in world.layout.index.items():
+        if kind_of(name) in kinds:
+            count += int(world.collisions[i])
+    return count
 
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
@@ -179,12 +183,15 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
     bounds, schedule = _ideals(world.layout)
     waits = figures.waits
     fruit = delivered_full_bins(world.layout, world.delivered, world.delivered_metres)
+    working_day = ""
     days = work_days(scenario, bounds)
+    if days is not None:
+        working_day = days.words(world.tick * TIME_STEP)
     return {
         "seed": scenario.seed,
         "ticks": world.tick,
         "sim_seconds": round(world.tick * TIME_STEP, 1),
-        "working_day": "" if days is None else days.words(world.tick * TIME_STEP),
+        "working_day": working_day,
         "agents": len(world.layout.starts),
         "rows": scenario.rows,
         "row_length": world.layout.mean_length,
@@ -213,8 +220,10 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
 
 
 def _ratio(amount: float, whole: float) -> float:
-    """Return a part of a whole, 0 if there is nothing of it."""
-    return amount / whole if whole else 0.0
+    """Return a part of a whole as a share of it; 0 if there is nothing of it."""
+    if not whole:
+        return 0.0
+    return amount / whole
 
 
 def _distances(world: World) -> dict[str, float]:
@@ -283,7 +292,7 @@ def shares(history: Mapping[str, Sequence[float]], name: str, robots: int) -> li
     """
     times = pairwise([0.0, *history["seconds"]])
     totals = pairwise([0.0, *history[name]])
-    return [
-        _ratio(after - before, robots * (until - since))
-        for (since, until), (before, after) in zip(times, totals, strict=True)
-    ]
+    shares_of_time = []
+    for (since, until), (before, after) in zip(times, totals, strict=True):
+        shares_of_time.append(_ratio(after - before, robots * (until - since)))
+    return shares_of_time

@@ -73,7 +73,9 @@ class Drawing:
         if yaw:
             clockwise = -math.degrees(yaw)
             turn = f' transform="rotate({clockwise:.1f} {self.x(x)} {self.y(y)})"'
-        label = f"<title>{html.escape(title)}</title>" if title else ""
+        label = ""
+        if title:
+            label = f"<title>{html.escape(title)}</title>"
         self.elements.append(f'<rect {corner} {size}{turn} style="{style}">{label}</rect>')
 
     def area(self, rect: Rect, style: str) -> None:
@@ -106,7 +108,10 @@ class Drawing:
 
 def orchard_plan(layout: Layout, title: str = "") -> str:
     """Return the drawing of the whole orchard, with all bodies at their starts, and a title."""
-    above = 5 if title else 1
+    # m above the orchard.
+    above = 1
+    if title:
+        above = 5
     drawing = Drawing(layout, X_WEST - 1, layout.bottom - 1, layout.east + 1, layout.top + above)
     if title:
         height = min(2.4, 1.6 * (layout.east + 1 - X_WEST) / len(title))
@@ -180,9 +185,11 @@ def _present_body(drawing: Drawing, name: str, pose: Pose, share: float) -> None
     drawing.box(pose.x, pose.y, half_x, half_y, paint, name, pose.yaw)
     if kind in ("picker", "carrier"):
         # The label stands beside the robot, not on its bin.
-        is_along_rows = nearest_heading(pose.yaw) in ("EAST", "WEST")
-        x, y = (-1.2, 1.3) if is_along_rows else (1.2, -0.6)
-        drawing.label(pose.x + x, pose.y + y, f"{kind[0].upper()}{number_of(name)}", 1.8)
+        aside, above = 1.2, -0.6
+        if nearest_heading(pose.yaw) in ("EAST", "WEST"):
+            aside, above = -1.2, 1.3
+        label = f"{kind[0].upper()}{number_of(name)}"
+        drawing.label(pose.x + aside, pose.y + above, label, 1.8)
 
 
 def _ground(drawing: Drawing, layout: Layout) -> None:
@@ -220,7 +227,9 @@ def _roads(drawing: Drawing, layout: Layout) -> None:
             drawing.line(road.points, f"{stroke};stroke-width:2;stroke-dasharray:4")
     area = layout.queue.area
     for y in layout.queue.lines:
-        colour = COLOURS["charging" if y in layout.charging_lines else "D"]
+        colour = COLOURS["D"]
+        if y in layout.charging_lines:
+            colour = COLOURS["charging"]
         style = f"stroke:{colour};stroke-width:1;stroke-dasharray:6"
         drawing.line([(area.west, y), (area.east, y)], style)
     for name, x, y in route.holds():

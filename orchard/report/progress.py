@@ -51,17 +51,21 @@ class Progress:
         self._as_json = as_json
         self._until = until
         self._end_of_run: Callable[[], EndOfRun | None] = lambda: None
-        live = Live(
-            console=console,
-            refresh_per_second=4,
-            transient=True,
-            redirect_stdout=False,
-            redirect_stderr=False,
-        )
-        self._live = live if console.is_terminal and not as_json else None
-        self._printed = 0.0  # s, monotonic time of the last plain line
-        self._seen: dict[str, None] = {}  # names of all robots shown so far, in order
-        self._has_begun = threading.Event()  # the first figures have come
+        self._live: Live | None = None
+        if console.is_terminal and not as_json:
+            self._live = Live(
+                console=console,
+                refresh_per_second=4,
+                transient=True,
+                redirect_stdout=False,
+                redirect_stderr=False,
+            )
+        # s, monotonic time of the last plain line.
+        self._printed = 0.0
+        # The names of all robots shown so far, in order.
+        self._seen: dict[str, None] = {}
+        # Is set once the first figures have come.
+        self._has_begun = threading.Event()
 
     def __enter__(self) -> "Progress":
         """Begin the live table, if there is one."""
@@ -86,7 +90,10 @@ class Progress:
     def _show_that_it_goes_on(self) -> None:
         """Show how long the run gets ready, until its first figures have come."""
         begun = time.monotonic()
-        while not self._has_begun.wait(1.0 if self._live else STILL_SECONDS):
+        seconds = STILL_SECONDS
+        if self._live:
+            seconds = 1.0
+        while not self._has_begun.wait(seconds):
             words = f"getting ready: {clock(time.monotonic() - begun)} so far"
             if self._live:
                 self._live.update(Text(words))
@@ -143,7 +150,10 @@ def robots(
     most_columns = max(1, width // NARROWEST)
     columns = min(needed_columns, most_columns)
     is_full = len(names) > room * columns
-    lines = room - 1 if is_full else math.ceil(len(names) / columns)
+    lines = math.ceil(len(names) / columns)
+    if is_full:
+        # The last line says how many more there are.
+        lines = room - 1
     table = Table.grid(padding=(0, 1, 0, 0))
     for _ in range(columns):
         table.add_column(width=width // columns - 1, no_wrap=True, overflow="ellipsis")
@@ -155,13 +165,14 @@ def robots(
 
 
 def _line(name: str, doing: Mapping[str, str], waits_for: Mapping[str, str]) -> Text:
-    """One robot: its short name, as columns are narrow, what it does, and what it waits for."""
+    """Return a robot's short name, as columns are narrow, what it does, and what it waits for."""
     words = doing[name]
     waited_for = waits_for.get(name)
+    colour = ""
     if words in STANDS:
         colour = "red"
-    else:
-        colour = "yellow" if waited_for else ""
+    elif waited_for:
+        colour = "yellow"
     if waited_for and waited_for not in words:
         words = f"{words} ({waited_for})"
     return Text.assemble((f"{short_name(name)} ", "bold"), (words, colour))

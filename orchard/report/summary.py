@@ -182,7 +182,9 @@ class Headline(msgspec.Struct, kw_only=True):
         names = [agent.partition(",")[0] for agent in self.broken_agents[:NAMED]]
         words = ", ".join(names)
         more = len(self.broken_agents) - NAMED
-        return f"{words} and {more} more" if more > 0 else words
+        if more <= 0:
+            return words
+        return f"{words} and {more} more"
 
 
 def headline_of(figures: Mapping[str, Any]) -> Headline:
@@ -261,21 +263,28 @@ def as_table(summary: dict[str, Any]) -> Table:
 
 def _words(key: str, value: Any) -> str:
     """Return a figure in words, with its unit."""
-    unit = f" {UNITS[key]}" if key in UNITS else ""
-    if isinstance(value, dict):
-        if not value:
-            return OF_NONE.get(key, "none")
-        parts = [f"{name} {_words('', part)}" for name, part in value.items()]
-        return ", ".join(parts) + unit
+    if isinstance(value, dict) and not value:
+        return OF_NONE.get(key, "none")
     if key == "recording_gaps" and value:
-        return ", ".join(f"{since} to {until}" for since, until in value) + unit
-    if isinstance(value, list):
+        words = ", ".join(f"{since} to {until}" for since, until in value)
+    elif isinstance(value, list):
         return "\n".join(map(str, value)) or "none"
+    else:
+        words = _without_unit(key, value)
+    if key in UNITS:
+        words += f" {UNITS[key]}"
+    return words
+
+
+def _without_unit(key: str, value: Any) -> str:
+    """Return a figure that is no list in words, without its unit."""
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {_words('', part)}" for name, part in value.items())
     if key in ("carrier_utilisation", "row_end_share"):
-        return f"{100.0 * value:.0f} %{unit}"
+        return f"{100.0 * value:.0f} %"
     if isinstance(value, float):
-        return f"{value:,.2f}{unit}"
-    return f"{value}{unit}"
+        return f"{value:,.2f}"
+    return str(value)
 
 
 # Other words come from the processes of the run.
@@ -295,7 +304,9 @@ def sentence(outcome: Outcome) -> str:
     """
     if outcome.finished:
         bins = _counted_bins(outcome.bins_delivered, outcome.bins_per_hour, outcome.sim_seconds)
-        done = f", done on {outcome.working_day}" if outcome.working_day else ""
+        done = ""
+        if outcome.working_day:
+            done = f", done on {outcome.working_day}"
         result = (
             f"{outcome.rows_picked} of {outcome.rows} rows in {clock(outcome.sim_seconds)},"
             f" simulated{done}: {outcome.bins_per_hour:.1f} {bins} an hour"
@@ -313,7 +324,9 @@ def sentence(outcome: Outcome) -> str:
 def _counted_bins(delivered: int, per_hour: float, seconds: float) -> str:
     """Return what the rate of a run counts: "full bins" if some that it delivered are part full."""
     counted = per_hour * seconds / 3600.0
-    return "full bins" if counted < delivered * (1.0 - FEW) else "bins"
+    if counted < delivered * (1.0 - FEW):
+        return "full bins"
+    return "bins"
 
 
 # Parts of `lost_seconds` beside what a harvest takes at least, in words.
@@ -326,25 +339,34 @@ LOSSES = {
 }
 
 
+def bottleneck_words(part: str) -> str:
+    """Return the part that sets a limit as the subject of a sentence: 'the carriers'."""
+    if part == "unloading":
+        return part
+    return f"the {part}"
+
+
 def limit_sentence(outcome: Outcome) -> str:
     """Return the second sentence: what limits the rate; if known, how far the harvest is from the
     optimum, and to what most was lost.
     """
-    limited_by = outcome.bottleneck
-    if limited_by != "unloading":
-        limited_by = f"the {limited_by}"
     parts = [
-        f"What limits it: {limited_by}, to {outcome.limit_bins_per_hour:.1f} bins an hour"
-        " in a long harvest of these rows without traffic"
+        f"What limits it: {bottleneck_words(outcome.bottleneck)}, to"
+        f" {outcome.limit_bins_per_hour:.1f} bins an hour in a long harvest of these rows without"
+        " traffic"
     ]
     proven = outcome.lost_seconds.get("optimum")
     if proven:
         parts.append(f"its time is {above_optimum(outcome.sim_seconds, proven)}")
-    lost = {part: outcome.lost_seconds.get(part, 0.0) for part in LOSSES}
-    most_lost_to = max(lost, key=lost.__getitem__)
-    seconds = lost[most_lost_to]
-    if seconds > 0.0:
-        parts.append(f"{clock(seconds)} were lost to {LOSSES[most_lost_to]}")
+    most_lost_to = ""
+    most_seconds = 0.0
+    for part in LOSSES:
+        seconds = outcome.lost_seconds.get(part, 0.0)
+        if seconds > most_seconds:
+            most_lost_to = part
+            most_seconds = seconds
+    if most_lost_to:
+        parts.append(f"{clock(most_seconds)} were lost to {LOSSES[most_lost_to]}")
     return "; ".join(parts) + "."
 
 
@@ -423,4 +445,6 @@ def _count(items: list[str], name: str) -> str:
     """Return how many there are, in words; nothing of none."""
     if not items:
         return ""
-    return f"{len(items)} {name}{'s' if len(items) > 1 else ''}"
+    if len(items) == 1:
+        return f"1 {name}"
+    return f"{len(items)} {name}s"

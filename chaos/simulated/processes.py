@@ -1,6 +1,4 @@
-"""The processes of a run as tasks: their own code, the supervisor's own rules, and a disk whose
-writes take time.
-"""
+"""The processes of a run as tasks, with the supervisor's own rules, and a disk that takes time."""
 
 import logging
 import os
@@ -20,6 +18,7 @@ from unittest.mock import patch
 import msgspec
 
 from chaos.simulated.bare_client import BARE_CLIENT, NAMES, own_agent
+from chaos.simulated.begin import wrong_begin
 from chaos.simulated.clients import RUN
 from chaos.simulated.half import WriterKilled, takes_half
 from chaos.simulated.network import Network
@@ -45,15 +44,10 @@ from orchard.sim.snapshot import SNAPSHOT, SnapshotError, store
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
 
 log = logging.getLogger("orchard")
-MISTAKES = (
-    BusError,
-    ValueError,
-    ScenarioError,
-    SnapshotError,
-    OSError,
-)  # that a process logs, and ends with code 2
-KILLED = -9  # exit code
-KEPT = 2  # snapshots, of which one may be torn
+# Errors that a process logs, and ends with code 2.
+MISTAKES = (BusError, ValueError, ScenarioError, SnapshotError, OSError)
+# Exit code.
+KILLED = -9
 SNAPSHOT_SECONDS = 0.5  # between two snapshots: few schedules last for seconds
 
 
@@ -87,9 +81,8 @@ class SimulatedDisk(Executor):
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         future = SimulatedFuture(self._world, self._process.task)
         now = self._world.scheduler.now
-        self._free_at = (
-            max(self._free_at, now) + self._world.random.random() * self._world.disk_seconds
-        )
+        seconds = self._world.random.random() * self._world.disk_seconds
+        self._free_at = max(self._free_at, now) + seconds
         job = partial(fn, *args)
         self._jobs.append(job)
         self._world.scheduler.after(self._free_at - now, lambda: self._do(future, job))
@@ -139,7 +132,7 @@ class SimulatedProcess:
         self.world = world
         self.spec = spec
         self.pid = pid
-        self.code = None
+        self.code: int | None = None
         self.order = order
         self._start_seconds = start_seconds
         self.line = SimulatedLine(self)
@@ -153,8 +146,6 @@ class SimulatedProcess:
         self.printed: list[str] = []  # lines
         self.complaints: list[str] = []  # lines of its log
         self._thaws: list[Callable[[], None]] = []
-
-    code: int | None
 
     def _run(self) -> None:
         self.task.wait(self.world.random.random() * self._start_seconds)
@@ -349,21 +340,6 @@ class SimulatedSupervisor(Supervisor):
 
     def _clear_up(self, running: Any) -> None:
         running.line.close()
-
-
-def wrong_begin(tick: int, kept: list[int], torn: set[int]) -> str:
-    """Return what is wrong with the tick at which physics begins; empty if nothing is.
-
-    It goes on from its newest snapshot, or from the one before if that is torn, and no earlier.
-    `kept`: the ticks of the snapshots that were written, the newest last. `torn`: of those that
-    were damaged since.
-    """
-    whole = [at for at in kept[-KEPT:] if at not in torn]
-    if tick > 0 and tick not in kept:
-        return f"physics goes on at tick {tick}, of which it has kept no snapshot"
-    if whole and tick != whole[-1]:
-        return f"physics went back to tick {tick}, though it has kept tick {whole[-1]}"
-    return ""
 
 
 @dataclass

@@ -76,30 +76,33 @@ def calling_orchard(**scenario) -> Scenario:
 
 
 def stage_with(change, **scenario) -> Stage:
+    """Return a stage in which `change(name, agent)` has replaced each carrier's agent."""
     stage = Stage(calling_orchard(**scenario))
-    for name in [name for name in stage.local.agents if name.startswith("carrier")]:
-        stage.local.agents[name] = change(name, stage.local.agents[name])
+    for name, agent in stage.local.agents.items():
+        if name.startswith("carrier"):
+            stage.local.agents[name] = change(name, agent)
     return stage
 
 
 def exchanges(stage: Stage) -> list[tuple[str, str]]:
     """Return (carrier, full bin) for each full bin that was taken."""
-    return [(e.who, e.whom) for e in stage.happened("coupled") if e.who.startswith("carrier")]
+    coupled = stage.happened("coupled")
+    return [(event.who, event.whom) for event in coupled if event.who.startswith("carrier")]
 
 
 def assert_every_bin_is_taken_once(stage: Stage, rows: int = 3) -> None:
     stage.run_to_the_end()
     bins = [bin_name for _, bin_name in exchanges(stage)]
-    assert len(bins) == len(set(bins)) == rows
+    assert len(bins) == rows
+    assert len(set(bins)) == rows
     assert stage.world.delivered == rows
 
 
 def test_the_nearest_carrier_by_road_is_sent():
     stage = Stage(calling_orchard(rows=3, pickers=2, carriers=25, row_length=70.0))
     stage.run_until(lambda: bool(exchanges(stage)), 200)
-    assert exchanges(stage)[0][0] == "carrier_25", (
-        "its line is the southernmost; it is the last by name"
-    )
+    first, _ = exchanges(stage)[0]
+    assert first == "carrier_25", "its line is the southernmost; it is the last by name"
 
 
 def answers(stage: Stage, tick: int, *calls: tuple[str, int]) -> list[type[Answer]]:
@@ -115,22 +118,23 @@ def answers(stage: Stage, tick: int, *calls: tuple[str, int]) -> list[type[Answe
 
 def test_a_carrier_offers_itself_only_to_the_longest_caller():
     stage = Stage(calling_orchard())
-    stage.local.memories["carrier_01"] = busy = CarrierMemory(
-        job=Job("bin_09", 1, "east", "picker_01")
-    )
-    assert answers(stage, 100, ("bin_01", 90), ("bin_02", 40)) == [No, No], (
-        "it is busy, and remembers them"
-    )
-    busy.job = None
-    assert answers(stage, 110, ("bin_01", 90)) == [No], "a freed carrier knows which call is older"
-    assert answers(stage, 115, ("bin_02", 40), ("bin_03", 40)) == [Offer, No], "ties go by name"
-    assert answers(stage, 118, ("bin_01", 90)) == [No], "the bin may still choose it"
-    assert answers(stage, 141, ("bin_01", 90)) == [Offer], (
-        "the older bins call no longer: they have a carrier"
-    )
+    memory = CarrierMemory(job=Job("bin_09", 1, "east", "picker_01"))
+    stage.local.memories["carrier_01"] = memory
+    # It is busy, and remembers the calls.
+    assert answers(stage, 100, ("bin_01", 90), ("bin_02", 40)) == [No, No]
+    # When it is free, it knows that another call is older.
+    memory.job = None
+    assert answers(stage, 110, ("bin_01", 90)) == [No]
+    # Two calls are equally old: ties go by name.
+    assert answers(stage, 115, ("bin_02", 40), ("bin_03", 40)) == [Offer, No]
+    # The bin with the offer may still choose it.
+    assert answers(stage, 118, ("bin_01", 90)) == [No]
+    # The older bins call no longer, so they have a carrier.
+    assert answers(stage, 141, ("bin_01", 90)) == [Offer]
 
 
 def test_a_bin_that_never_decides_keeps_the_carrier_from_nobody():
+    """After two seconds without a decision the carrier offers itself to the other bin."""
     stage = Stage(calling_orchard())
     assert answers(stage, 100, ("bin_01", 0), ("bin_02", 50)) == [Offer, No]
     assert answers(stage, 120, ("bin_01", 0), ("bin_02", 50)) == [No, Offer]
@@ -143,12 +147,10 @@ def test_a_bin_that_calls_again_says_since_when_it_has_called():
     calls = set()
     while stage.world.tick < 700:
         stage.tick()
-        calls |= {
-            (name, body.since)
-            for name, action in stage.local.actions.items()
-            for _, body in action.requests
-            if isinstance(body, Call)
-        }
+        for name, action in stage.local.actions.items():
+            for _, body in action.requests:
+                if isinstance(body, Call):
+                    calls.add((name, body.since))
     assert len(calls) == 2, "each of two bins has called for 25 s, again and again"
 
 
@@ -160,26 +162,31 @@ def test_soak_the_bins_are_served_in_the_order_of_their_calls(dispatch):
     jobs: list[tuple[int, str]] = []
     while not stage.local.engine.over:
         stage.tick()
-        bins = {
-            name: memory for name, memory in stage.local.memories.items() if name.startswith("bin")
-        }
-        calling = sorted(
-            (memory.since, name)
-            for name, memory in bins.items()
-            if memory.since >= 0 and not memory.coming
-        )
-        job = stage.local.memories["carrier_01"].job
-        if job and bins[job.bin].since >= 0 and (bins[job.bin].since, job.bin) not in jobs:
-            jobs.append((bins[job.bin].since, job.bin))
-            assert jobs[-1] == calling[0], "it goes for the bin that has called for longest"
+        memories = stage.local.memories
+        bins = [name for name in memories if name.startswith("bin")]
+        calling = []
+        for name in bins:
+            if memories[name].since >= 0 and not memories[name].coming:
+                calling.append((memories[name].since, name))
+        job = memories["carrier_01"].job
+        if job is None:
+            continue
+        call = (memories[job.bin].since, job.bin)
+        if call[0] >= 0 and call not in jobs:
+            jobs.append(call)
+            assert call == min(calling), "it goes for the bin that has called for longest"
     assert len(jobs) == 6
 
 
 def test_carriers_of_several_lines_free_at_once_get_bins_soon():
     stage = Stage(calling_orchard(rows=4, pickers=4, carriers=40, row_length=70.0))
-    stage.run_until(
-        lambda: sum(1 for m in stage.local.memories.values() if getattr(m, "job", None)) == 4, 85
-    )
+
+    def jobs() -> list[Job]:
+        memories = stage.local.memories.values()
+        return [memory.job for memory in memories if getattr(memory, "job", None)]
+
+    # A row takes 70 s, and calls and answers some seconds more.
+    stage.run_until(lambda: len(jobs()) == 4, 85)
 
 
 def test_a_call_that_nobody_answers_is_repeated():
@@ -245,8 +252,9 @@ def test_a_carrier_that_came_with_a_lost_answer_is_the_only_one():
 
 def test_a_carrier_with_an_unheard_confirmation_waits_then_goes():
     stage = Stage(calling_orchard())
-    for name in [name for name in stage.local.agents if name.startswith("bin")]:
-        stage.local.agents[name] = HardOfHearing(stage.local.agents[name], Confirm, until=700)
+    for name, agent in stage.local.agents.items():
+        if name.startswith("bin"):
+            stage.local.agents[name] = HardOfHearing(agent, Confirm, until=700)
     stage.run(69)
     assert stage.pose("carrier_01")[0] == pytest.approx(5.4), (
         "it stays in the queue until the bin has confirmed"

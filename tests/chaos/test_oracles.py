@@ -7,7 +7,7 @@ from unittest.mock import patch
 import msgspec
 import pytest
 
-from chaos.simulated import processes
+from chaos.simulated.begin import wrong_begin
 from chaos.simulated.census import ANSWERS, DEEDS, MESSAGES, OF_HARVEST, REQUESTS, Census, summed_up
 from chaos.simulated.course import Course
 from chaos.simulated.harvest import OF_BINS, harvest_of, made, stored_counts
@@ -317,4 +317,4 @@ def test_advice_that_drives_for_too_long_is_found():
     ],
 )
 def test_physics_goes_one_snapshot_back_and_no_more(tick, kept, torn, words):
-    assert processes.wrong_begin(tick, kept, torn) == words
+    assert wrong_begin(tick, kept, torn) == words

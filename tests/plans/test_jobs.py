@@ -1,5 +1,7 @@
 """The jobs of a harvest: how long picker and carrier need for each bin, on free roads."""
 
+from typing import NamedTuple
+
 import pytest
 from made_surveys import UNEQUAL, orchard_of
 from stage import empty_orchard
@@ -15,38 +17,41 @@ BATTERIES = {
 
 
 def jobs(**changes: object) -> list[TimedJob]:
+    """Return the jobs of a small orchard with these changes."""
     values = {"rows": 3, "pickers": 2, "carriers": 3, "row_length": 30.0, "picking_speed": 0.4}
     return jobs_of(lay_out(empty_orchard(**values | changes)))
 
 
-def times(job: TimedJob) -> tuple[int, ...]:
-    """Return the times of a job in their order, ticks."""
-    return (
-        job.ready,
-        job.clearing,
-        job.approach,
-        job.going_on,
-        job.to_bay,
-        job.in_bay,
-        job.to_head,
-        job.to_rest,
-    )
+class Times(NamedTuple):
+    """The times of a job, ticks. `orchard.plans.jobs.TimedJob` says what each of them is."""
+
+    ready: int
+    clearing: int
+    approach: int
+    going_on: int
+    to_bay: int
+    in_bay: int
+    to_head: int
+    to_rest: int
 
 
-# In ticks, of the first job of an orchard: until its carrier can stand at the lane, of that after
-# the full bin; to the stop, until the picker goes on, to the bay, in it, to the queue, to rest.
+def times(job: TimedJob) -> Times:
+    return Times(*(getattr(job, field) for field in Times._fields))
+
+
+# What differs from the orchard of `jobs`, and the times of its first job.
 FIRST_JOBS = {
-    "one way": ({"route": "one-way"}, (877, 127, 232, 8, 1315, 57, 311, 229)),
-    "two ways": ({"route": "two-way", "carriers": 4}, (898, 148, 321, 8, 968, 57, 222, 99)),
-    "hauls": ({"route": "one-way", **HAULS}, (877, 127, 232, 8, 1315, 57, 1371, 1371)),
-    "batteries": ({"route": "two-way", **BATTERIES}, (898, 148, 251, 8, 968, 57, 262, 221)),
+    "one way": ({"route": "one-way"}, Times(877, 127, 232, 8, 1315, 57, 311, 229)),
+    "two ways": ({"route": "two-way", "carriers": 4}, Times(898, 148, 321, 8, 968, 57, 222, 99)),
+    "hauls": ({"route": "one-way", **HAULS}, Times(877, 127, 232, 8, 1315, 57, 1371, 1371)),
+    "batteries": ({"route": "two-way", **BATTERIES}, Times(898, 148, 251, 8, 968, 57, 262, 221)),
 }
 
 
 def test_a_second_job_counts_from_the_exchange_before():
     """The picker goes on with its empty bin from the exchange, not from its start."""
     second = jobs(route="two-way", carriers=4, metres_per_bin=12.5, rows=4)[1]
-    assert times(second) == (906, 268, 611, 72, 531, 57, 222, 99)
+    assert times(second) == Times(906, 268, 611, 72, 531, 57, 222, 99)
 
 
 def test_a_lane_is_cleared_as_soon_beside_a_short_row():

@@ -29,15 +29,15 @@ EVERY_5_CM = [
     round(spacing, 2)
     for spacing in np.arange(min(NARROWEST, CLOSEST), WIDEST_ROW + TRUNK + 0.001, 0.05)
 ]
-# At each of these another pair of sweeps comes apart.
-SOME = [spacing for spacing in EVERY_5_CM if spacing <= 5.5 and round(spacing * 20) % 3 == 1]
+# Each third one of the close spacings: at each of these another pair of sweeps comes apart.
+CLOSE = [spacing for spacing in EVERY_5_CM if spacing <= 5.5 and round(spacing * 20) % 3 == 1]
+SOME = [EVERY_5_CM[0], *CLOSE, 5.5, 7.0, 9.35, EVERY_5_CM[-1]]
 # m that a turn keeps off fences; a robot's laser stops it at less.
 CLEAR_OF_FENCE = 0.2
-SOME = [EVERY_5_CM[0], *SOME, 5.5, 7.0, 9.35, EVERY_5_CM[-1]]
 
 
 def spaced(spacing: float, route: str, crew: str, rule: str) -> Scenario:
-    """Rows that lie so far apart, drawn if that is allowed, else surveyed."""
+    """Return rows that lie so far apart, drawn if that is allowed, else surveyed."""
     sizes = dict(CREWS[crew])
     changes = {"carriers": 9, "route": route, "rows_to_pickers": rule}
     if spacing >= NARROWEST:
@@ -98,10 +98,9 @@ def test_each_place_is_given_back(spacing: float, route: str) -> None:
 def test_sweeps_at_unequal_rows_are_apart(route: str) -> None:
     ends = ((0.0, 64.0), (1.3, 63.1), (2.6, 62.6), (0.9, 63.9), (3.0, 60.0), (0.0, 64.0))
     gaps = (CLOSEST, FURTHEST, CLOSEST, CLOSEST, 8.4)
-    rows = [
-        Row(round(sum(gaps[:i]), 2), start, round(end - start, 2))
-        for i, (start, end) in enumerate(ends)
-    ]
+    rows = []
+    for i, (start, end) in enumerate(ends):
+        rows.append(Row(round(sum(gaps[:i]), 2), start, round(end - start, 2)))
     for pickers in (3, 6):
         for rule in ("balanced-ends", FROM_THE_EAST):
             crew = {"pickers": pickers, "carriers": 9, "rows_to_pickers": rule}

@@ -284,7 +284,7 @@ LIMITS = [
 
 @pytest.mark.parametrize("changes", LIMITS)
 def test_a_harvest_finishes_with_odometry_at_its_limits(changes):
-    """Carriers once passed gates without their places, and one turned into a bin again and again."""
+    """Carriers once passed gates without their places, and one turned into a bin many times."""
     sensors = {
         "gnss": {"white": 0.02, "bias": 0.02},
         "odometry": {"distance": 0.1, "heading": 0.05},

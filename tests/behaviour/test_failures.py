@@ -1,6 +1,4 @@
-"""Pickers and carriers that fail while they work, and rows that take their own time: whole small
-harvests.
-"""
+"""Pickers and carriers that fail while they work, and rows that take their own time."""
 
 from functools import cache
 
@@ -25,6 +23,7 @@ SHORT = 1100
 
 
 def varied(seed: int = 1, **changes) -> Scenario:
+    """Return a small scenario whose rows vary, and whose pickers and carriers fail."""
     values = {
         "rows": 3,
         "row_length": 40.0,
@@ -52,10 +51,8 @@ def test_a_picker_fails_as_drawn_and_goes_on_when_repaired():
     )
     sound, repair = failure(1, "picker_01", 0, 60.0, 1800.0)
     assert sound < 140.0, "else it fails in a later row"
-    stage.run_until(
-        lambda: stage.doing("picker_01") == "failed, is repaired" if stage.world.tick else False,
-        sound + 0.5,
-    )
+    stage.tick()
+    stage.run_until(lambda: stage.doing("picker_01") == "failed, is repaired", sound + 0.5)
     assert stage.seconds == pytest.approx(sound, abs=0.2)
     assert stage.world.row_picked[0] == pytest.approx(0.5 * sound, abs=1e-6)
     assert stage.local.actions["picker_01"].state == "failed"
@@ -76,24 +73,19 @@ def test_a_carrier_fails_after_the_drawn_drive_and_goes_on(route):
         )
     )
     sound, repair = failure(1, "carrier_01", 0, 60.0, 300.0)
-    # Distance driven after each tick.
-    driven = []
-    stage.run_until(
-        lambda: (
-            driven.append(stage.world.distance[stage.world.index["carrier_01"]]) or failed(stage)
-        ),
-        300,
-    )
-    assert driven[-1] == pytest.approx(sound, abs=0.01), "at 1 m/s; it does not fail while it turns"
+    stage.run_until(lambda: failed(stage), 300)
+    # It drives at 1 m/s, and does not fail while it turns.
+    driven = stage.world.distance[stage.world.index["carrier_01"]]
+    assert driven == pytest.approx(sound, abs=0.01)
     job = stage.local.memories["carrier_01"].job
-    assert stage.run_until(lambda: not failed(stage), repair + 0.5) == pytest.approx(
-        repair, abs=0.2
-    )
+    took = stage.run_until(lambda: not failed(stage), repair + 0.5)
+    assert took == pytest.approx(repair, abs=0.2)
     assert stage.doing("carrier_01").startswith(("bringing an empty bin", "taking"))
     assert stage.local.memories["carrier_01"].job == job
 
 
 def failed(stage: Stage) -> bool:
+    """Whether carrier_01 has failed and is not repaired yet."""
     return stage.world.tick > 0 and stage.local.actions["carrier_01"].state == "failed"
 
 
@@ -136,14 +128,13 @@ def test_a_step_before_a_failure_is_not_the_picking_speed():
     stage.run_until(
         lambda: stage.world.tick > 0 and stage.local.actions["picker_01"].state == "failed", 10
     )
-    filled = stage.world.row_picked[0]
-    assert filled == pytest.approx(7.439, abs=0.001), (
-        "so its last step is 0.039 m, and the others 0.1 m"
-    )
+    # The last step was of 0.039 m, the others of 0.1 m.
+    picked = stage.world.row_picked[0]
+    assert picked == pytest.approx(7.439, abs=0.001)
     stage.run(3)
-    assert stage.local.memories["dispatch"].bins[
-        stage.bin_of("picker_01")
-    ].seconds_to_full == pytest.approx(70.0 - filled, abs=0.1)
+    report = stage.local.memories["dispatch"].bins[stage.bin_of("picker_01")]
+    # At 1 m/s.
+    assert report.seconds_to_full == pytest.approx(70.0 - picked, abs=0.1)
 
 
 def test_a_picker_that_waits_long_for_its_repair_is_no_jam():
@@ -155,10 +146,13 @@ def test_a_picker_that_waits_long_for_its_repair_is_no_jam():
 
 
 def test_a_picker_that_fails_before_the_roads_asks_for_no_place():
-    # x = 31.75 to 33.25.
-    seed = next(
-        seed for seed in range(1000) if 134.5 < failure(seed, "picker_01", 0, 60.0, 60.0)[0] < 137.5
-    )
+    # It fails after 134.5 to 137.5 s at 0.5 m/s: between x = 31.75 m and 33.25 m.
+    for seed in range(1000):
+        sound, _ = failure(seed, "picker_01", 0, 60.0, 60.0)
+        if 134.5 < sound < 137.5:
+            break
+    else:
+        raise AssertionError("no such seed")
     stage = Stage(
         empty_orchard(
             seed=seed,
@@ -175,29 +169,22 @@ def test_a_picker_that_fails_before_the_roads_asks_for_no_place():
 
 
 def test_with_spread_and_failures_the_seed_matters():
-    one = harvest(1)
-    other = harvest(2)
-    assert abs(one.seconds - other.seconds) > 1.0
-    assert all(
-        stage.world.delivered == 3 and stage.account.figures()["collisions"] == 0
-        for stage in (one, other)
-    )
-    assert {"failed"} <= one.account.figures()["state_seconds"][
-        "picker"
-    ].keys() & one.account.figures()["state_seconds"]["carrier"].keys()
+    first = harvest(1)
+    second = harvest(2)
+    assert abs(first.seconds - second.seconds) > 1.0
+    for stage in (first, second):
+        assert stage.world.delivered == 3
+        assert stage.account.figures()["collisions"] == 0
+    seconds = first.account.figures()["state_seconds"]
+    assert "failed" in seconds["picker"]
+    assert "failed" in seconds["carrier"]
 
 
 def test_holds_change_nothing_when_robots_fail_and_rows_differ(caplog):
     scenario = varied(rows_to_pickers="balanced-ends")
-    assert (
-        len(
-            {
-                local_hash(scenario, SHORT, holds=holds)
-                for holds in (Lookahead, CheckedHolds, IgnoredHolds)
-            }
-        )
-        == 1
-    )
+    expected = local_hash(scenario, SHORT, holds=Lookahead)
+    assert local_hash(scenario, SHORT, holds=CheckedHolds) == expected
+    assert local_hash(scenario, SHORT, holds=IgnoredHolds) == expected
     assert "holds wrongly" not in caplog.text
 
 

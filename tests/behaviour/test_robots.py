@@ -16,8 +16,8 @@ def test_pickers_pick_their_lane_from_its_head_to_its_end():
     # No carrier passes the lane before the row is picked.
     stage = Stage(empty_orchard(dispatch=NEAREST))
     stage.assert_at("picker_01", x=-35.5, y=stage.world.layout.lane(1).y, heading="EAST")
-    fruit = stage.bin_of("picker_01")
-    took = stage.run_until(lambda: stage.is_full(fruit), 80)
+    bin_name = stage.bin_of("picker_01")
+    took = stage.run_until(lambda: stage.is_full(bin_name), 80)
     assert took == pytest.approx(70.0)
     stage.assert_at("picker_01", x=34.5, y=stage.world.layout.lane(1).y, heading="EAST")
 
@@ -25,13 +25,8 @@ def test_pickers_pick_their_lane_from_its_head_to_its_end():
 def test_pickers_stop_for_an_obstacle_until_it_has_moved():
     stage = Stage(empty_orchard(people=People(workers=1, visitors=0)), worker_01=Standing())
     stage.put("worker_01", 0.0, stage.world.layout.lane(1).y, "NORTH")
-    stage.run_until(
-        lambda: (
-            stage.local.actions
-            and stage.local.actions["picker_01"].waits_for == "an obstacle ahead"
-        ),
-        60,
-    )
+    stage.tick()
+    stage.run_until(lambda: stage.local.actions["picker_01"].waits_for == "an obstacle ahead", 60)
     stage.run(20)
     assert stage.pose("picker_01")[0] < 0.0
     stage.local.agents["worker_01"] = Driven(Twist(x=1.0))
@@ -51,21 +46,19 @@ def test_pickers_swap_the_full_bin_for_one_of_a_carrier():
 
 @pytest.mark.parametrize("speed", [1.0, 0.05])
 def test_pickers_ask_for_the_roads_before_they_must_stop(speed):
+    """They ask 3 s before they come to their stop line."""
     stage = Stage(
         empty_orchard(pickers=3, carriers=1, row_length=20.0, picking_speed=speed, dispatch=NEAREST)
     )
-    stage.run_until(
-        lambda: any(
-            wanted(request) for request in stage.local.answers.get("picker_01", Action()).requests
-        ),
-        500,
-    )
-    left = OneWay.PICKER_HOLD + stage.world.layout.shift - stage.pose("picker_01")[0]
-    assert left / speed == pytest.approx(3.0, abs=0.3)
 
+    def has_claimed_places() -> bool:
+        action = stage.local.answers.get("picker_01", Action())
+        bodies = [body for _, body in action.requests]
+        return any(isinstance(body, Claim) and body.want for body in bodies)
 
-def wanted(request: tuple[str, object]) -> list[str]:
-    return request[1].want if isinstance(request[1], Claim) else []
+    stage.run_until(has_claimed_places, 500)
+    metres = OneWay.PICKER_HOLD + stage.world.layout.shift - stage.pose("picker_01")[0]
+    assert metres / speed == pytest.approx(3.0, abs=0.3)
 
 
 def test_carriers_line_up_in_a_queue_at_the_top_right():
@@ -106,9 +99,10 @@ class Asker:
 
     def tick(self, seen: Observation, mail: Mail, memory: object) -> Action:
         self.answers += [reply.body for reply in mail.replies]
-        return Action(
-            requests=[("bin_01", StateRequest())] if seen.tick in (0, 720) else [], memory=memory
-        )
+        requests = []
+        if seen.tick in (0, 720):
+            requests.append(("bin_01", StateRequest()))
+        return Action(requests=requests, memory=memory)
 
 
 def test_bins_tell_whether_they_are_full_and_on_whom():
@@ -136,13 +130,11 @@ def test_a_bin_without_a_memory_forecasts_by_the_mean_speed():
 def test_the_tractor_drives_twenty_metres_waits_and_turns_about():
     stage = meadow(tractor=True)
     stage.assert_at("tractor_01", -45.0, 29.0, "EAST")
-    stage.run_until(
-        lambda: stage.doing("tractor_01") == "being loaded" if stage.local.actions else False, 30
-    )
+    stage.tick()
+    stage.run_until(lambda: stage.doing("tractor_01") == "being loaded", 30)
     stage.assert_at("tractor_01", -25.0, 29.0, "EAST")
-    assert stage.run_until(
-        lambda: stage.doing("tractor_01") == "turning about", 10
-    ) == pytest.approx(5.0)
+    loaded = stage.run_until(lambda: stage.doing("tractor_01") == "turning about", 10)
+    assert loaded == pytest.approx(5.0)
     stage.run(7.9)
     stage.assert_at("tractor_01", x=-25.0, heading="WEST")
     stage.run_until(lambda: stage.doing("tractor_01") == "being unloaded", 30)
@@ -168,10 +160,8 @@ def test_the_tractor_does_not_turn_into_what_no_laser_sees():
     )
     # Beside its tail, when it has come to the east end.
     stage.put("worker_01", -27.2, 31.2, "NORTH")
-    stage.run_until(
-        lambda: stage.local.actions and stage.local.actions["tractor_01"].waits_for == "worker_01",
-        60,
-    )
+    stage.tick()
+    stage.run_until(lambda: stage.local.actions["tractor_01"].waits_for == "worker_01", 60)
     stage.run(20)
     stage.assert_at("tractor_01", -25.0, 29.0, "EAST")
     stage.assert_no_collisions()

@@ -85,7 +85,7 @@ def delivered(run: Local) -> list[int]:
     return ticks
 
 
-def told(harvest: EventHarvest) -> list[int]:
+def deliveries(harvest: EventHarvest) -> list[int]:
     """Return what a harvest of the event model tells of its deliveries."""
     return [round(TICKS_PER_SECOND * seconds) for seconds in harvest.run().deliveries]
 
@@ -105,7 +105,7 @@ def test_both_models_deliver_in_the_same_ticks(name: str) -> None:
     layout = busy(**CASES[name])
     run = Local(layout.scenario, is_hashed=False)
     ticks = delivered(run)
-    assert told(EventHarvest(layout)) == pytest.approx(ticks, abs=NEAR)
+    assert deliveries(EventHarvest(layout)) == pytest.approx(ticks, abs=NEAR)
     proven = proven_seconds(layout)
     assert proven is not None
     assert proven <= run.engine.world.seconds
@@ -174,7 +174,7 @@ def test_a_harvest_goes_on_from_a_moment_at_the_bay(name: str) -> None:
             begun.append(begin_at(moment_of(run)))
     ticks += delivered(run)
     for harvest in begun:
-        later = told(harvest)
+        later = deliveries(harvest)
         assert later == pytest.approx(ticks[-len(later) :], abs=NEAR)
 
 

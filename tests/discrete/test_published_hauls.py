@@ -26,7 +26,7 @@ NOBODY: dict[str, Any] = {
 SEEDS = 2
 
 
-def told() -> list[list[str]]:
+def lines_of_table() -> list[list[str]]:
     """Return the cells of each line of the table below its head."""
     _, _, below = HOW_TO.read_text().partition(f"{HEAD}\n")
     table, _, _ = below.partition("\n\n")
@@ -65,10 +65,10 @@ def rate(values: dict[str, Any]) -> float:
 
 def test_the_table_of_hauls_has_two_shipped_scenarios() -> None:
     """If the table was not found, the tests below would have no lines to test."""
-    assert {line[0] for line in told()} == {"`tractor_trailers`", "`forklift`"}
+    assert {line[0] for line in lines_of_table()} == {"`tractor_trailers`", "`forklift`"}
 
 
-@pytest.mark.parametrize("line", told(), ids=" ".join)
+@pytest.mark.parametrize("line", lines_of_table(), ids=" ".join)
 def test_hauls_have_the_limits_that_are_told(line: list[str]) -> None:
     """No harvest brings more in the long run than the limit in the table."""
     bounds = Bounds(lay_out(Scenario.model_validate(harvest_of(line))))
@@ -78,7 +78,7 @@ def test_hauls_have_the_limits_that_are_told(line: list[str]) -> None:
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("line", told(), ids=" ".join)
+@pytest.mark.parametrize("line", lines_of_table(), ids=" ".join)
 def test_soak_hauls_bring_what_is_told(line: list[str]) -> None:
     """Each line of the table in docs/how-to.md, measured again."""
     assert f"{rate(harvest_of(line)):.1f}" == line[-1]

@@ -114,7 +114,7 @@ def program(monkeypatch, tmp_path):
     monkeypatch.setattr(sys, "executable", str(tmp_path / ".venv" / "bin" / "python"))
 
 
-def said(folder, **options) -> list[str]:
+def lines_for(folder, **options) -> list[str]:
     lines = []
     request = RunRequest(HarvestOptions(**options), Scenario(), None, folder, notes=folder / "runs")
     with announced(request, "a", HERE, lines.append):
@@ -126,21 +126,21 @@ def said(folder, **options) -> list[str]:
 
 
 def test_a_run_says_how_to_stop_it_and_leaves_a_note(tmp_path):
-    assert said(tmp_path) == [
+    assert lines_for(tmp_path) == [
         "Ctrl-C ends the run; emergency stop of the robots: .venv/bin/python run.py stop",
         "5 rows, 2 pickers, seed 1, since HH:MM:SS",
     ]
-    assert said(tmp_path, secure=tmp_path / "my roles")[0].endswith(
+    assert lines_for(tmp_path, secure=tmp_path / "my roles")[0].endswith(
         ".venv/bin/python run.py stop --secure 'my roles'"
     )
-    assert said(tmp_path, progress="json") == ["5 rows, 2 pickers, seed 1, since HH:MM:SS"], (
+    assert lines_for(tmp_path, progress="json") == ["5 rows, 2 pickers, seed 1, since HH:MM:SS"], (
         "for programs"
     )
 
 
 def test_a_run_that_cannot_leave_a_note_says_its_endpoint(tmp_path):
     (tmp_path / "runs").write_text("in its place")
-    no_note, stop = said(tmp_path)
+    no_note, stop = lines_for(tmp_path)
     assert no_note.endswith("runs: no note of this run can be written there: File exists")
     assert stop.endswith(f"run.py stop --connect {HERE}")
 

@@ -40,7 +40,7 @@ NO_RECORD = ("--record", "none")
 SHORT = ("--mode", "local", "--rows", "3", "--duration", "0.1", *NO_RECORD)
 
 
-def said(arguments, monkeypatch, capfd) -> tuple[int, str]:
+def output_of(arguments, monkeypatch, capfd) -> tuple[int, str]:
     """Run a command. Return its exit code, and all that it prints, in one line."""
     monkeypatch.setattr("sys.argv", ["orchard", *map(str, arguments)])
     with pytest.raises(SystemExit) as ended:
@@ -110,7 +110,7 @@ CONTROLLING = [
 @pytest.mark.parametrize("arguments", CONTROLLING)
 def test_no_option_and_no_path_can_control_the_terminal(arguments, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
-    code, words = said(arguments, monkeypatch, capfd)
+    code, words = output_of(arguments, monkeypatch, capfd)
     assert (code, [raw for raw in RAW if raw in words]) == (2, []), words
 
 
@@ -229,7 +229,7 @@ def test_a_mistake_is_told_once_with_what_would_be_right(
     monkeypatch.chdir(tmp_path)
     for name, text in FILES.items():
         (tmp_path / name).write_text(text)
-    code, words = said(
+    code, words = output_of(
         [os.fsdecode(word) if isinstance(word, bytes) else word for word in arguments],
         monkeypatch,
         capfd,
@@ -257,12 +257,12 @@ USAGES = [
 
 @pytest.mark.parametrize(("arguments", "usage"), USAGES)
 def test_help_is_that_of_the_command_that_was_typed(arguments, usage, monkeypatch, capfd):
-    code, words = said(arguments, monkeypatch, capfd)
+    code, words = output_of(arguments, monkeypatch, capfd)
     assert (code, usage in words, "<bool>" in words) == (0, True, False), words
 
 
 def test_the_version_is_that_of_the_package(monkeypatch, capfd):
-    assert said(["--version"], monkeypatch, capfd) == (
+    assert output_of(["--version"], monkeypatch, capfd) == (
         0,
         f"orchard {metadata.version('orchard-sim')}",
     )
@@ -292,7 +292,7 @@ def test_a_full_disk_is_told_and_leaves_no_empty_file(tmp_path, monkeypatch, cap
         ["import", ROOT / "examples" / "te_puke.geojson", "--out", out],
         ["export", "--lif", out],
     ):
-        assert said(["layout", *words], monkeypatch, capfd) == (
+        assert output_of(["layout", *words], monkeypatch, capfd) == (
             2,
             f"{out}: No space left on device",
         )
@@ -332,7 +332,7 @@ def test_the_second_run_that_writes_to_one_place_is_refused(option, tmp_path, mo
     (place.touch if option == "--record" else place.mkdir)()
     with alone(place):
         arguments = [word for word in SHORT if option != "--record" or word not in NO_RECORD]
-        code, words = said([*arguments, option, place], monkeypatch, capfd)
+        code, words = output_of([*arguments, option, place], monkeypatch, capfd)
     assert code == 2
     assert (
         words

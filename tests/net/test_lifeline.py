@@ -90,7 +90,7 @@ sys.exit(run_process("child", RouterOptions, None, body))
 
 
 @pytest.fixture
-def told():
+def complaint():
     ear = SimpleNamespace(words=[], there=threading.Event())
 
     class Handler(logging.Handler):
@@ -104,10 +104,10 @@ def told():
     logging.getLogger("orchard").removeHandler(handler)
 
 
-def test_who_thinks_for_too_long_is_named_with_the_place(told):
+def test_who_thinks_for_too_long_is_named_with_the_place(complaint):
     class Brooding:
         def tick(self, observation, mail, memory):
-            assert told.there.wait(PATIENCE)
+            assert complaint.there.wait(PATIENCE)
             return Action(memory=memory)
 
     host = SimpleNamespace(
@@ -119,5 +119,5 @@ def test_who_thinks_for_too_long_is_named_with_the_place(told):
     assert re.fullmatch(
         rf"picker_01 still thinks about tick 7, in {re.escape(__file__)}, line \d+; until .* stand:"
         r" bin_02",
-        told.words[0],
+        complaint.words[0],
     )

@@ -13,7 +13,8 @@ CORNERS = [0j, 60 + 0j, 60 - 24j, -24j, 0j]
 RING = [pair(corner) for corner in CORNERS]
 
 
-def told(path, **options) -> str:
+def error_of(path, **options) -> str:
+    """Return the error of an import."""
     with pytest.raises(ScenarioError) as raised:
         import_survey(path, ImportOptions(**options))
     return str(raised.value)
@@ -44,12 +45,12 @@ def test_a_closed_line_around_the_rows_is_an_outline(tmp_path):
 def test_a_road_among_the_rows_can_be_left_out_by_its_name(tmp_path):
     road = feature("LineString", [pair(-9 + 9j), pair(-9 - 40j)], name="road")
     path = write_features(tmp_path / "a.geojson", [*straight_rows(), road])
-    assert "feature road: is not parallel" in told(path)
-    assert "is left out by --without NAME" in told(path)
+    assert "feature road: is not parallel" in error_of(path)
+    assert "is left out by --without NAME" in error_of(path)
     imported = import_survey(path, ImportOptions(without=("road",)))
     assert imported.scenario.rows == 5
     assert "left out, as --without says: road (LineString)" in imported.notes
-    assert "has no feature street; it has r1, r2, r3" in told(path, without=("street",))
+    assert "has no feature street; it has r1, r2, r3" in error_of(path, without=("street",))
 
 
 def blocks(shift: complex, key: str = "block") -> list[dict]:
@@ -74,11 +75,11 @@ def test_blocks_that_fit_are_one_orchard_and_each_can_be_taken(tmp_path):
 @pytest.mark.parametrize("key", ["block", "Paddock"])
 def test_blocks_too_far_apart_are_refused_with_a_command_each(tmp_path, key: str):
     path = write_features(tmp_path / "a.geojson", blocks(-200j, key))
-    words = told(path)
+    words = error_of(path)
     for name in ("A", "B"):
         assert f"orchard layout import {path} --block {name}" in words
         assert import_survey(path, ImportOptions(block=name)).scenario.rows == 4
-    assert "has no block C; it has A and B" in told(path, block="C")
+    assert "has no block C; it has A and B" in error_of(path, block="C")
 
 
 def test_curved_rows_are_refused_with_equal_rows_to_ask_about(tmp_path):
@@ -86,7 +87,7 @@ def test_curved_rows_are_refused_with_equal_rows_to_ask_about(tmp_path):
     for i in range(4):
         bend = [pair(-6j * i), pair(30 + 3j - 6j * i), pair(60 - 6j * i)]
         features.append(feature("LineString", bend, row=f"r{i}"))
-    words = told(write_features(tmp_path / "a.geojson", features))
+    words = error_of(write_features(tmp_path / "a.geojson", features))
     assert "feature r0: is bent: 1.50 m off a straight line" in words
     answer = "an answer anyway: equal rows, by a scenario with `rows: 4`, `row_length: 60.0`,"
     assert f"{answer} `row_width: 5.50`" in words
@@ -97,12 +98,12 @@ def test_equal_rows_that_cannot_be_are_not_offered(tmp_path):
     there_and_back = [[pair(-6j * i), pair(60 - 6j * i), pair(-6j * i)] for i in range(4)]
     there_and_back[3][1] = pair(60 - 15j)
     features = [feature("LineString", line, row=f"r{i}") for i, line in enumerate(there_and_back)]
-    words = told(write_features(tmp_path / "a.geojson", features))
+    words = error_of(write_features(tmp_path / "a.geojson", features))
     assert "`row_length: 60.0`" in words
     short = []
     for i in range(4):
         short.append(feature("LineString", [pair(-6j * i), pair(3 - 6j * i)], row=f"r{i}"))
-    words = told(write_features(tmp_path / "b.geojson", short))
+    words = error_of(write_features(tmp_path / "b.geojson", short))
     assert "row_length" not in words
     assert "a line that is no row is left out by --without NAME" in words
 
@@ -131,4 +132,4 @@ def test_rows_with_names_alike_at_first_are_told_apart(tmp_path):
     ],
 )
 def test_an_option_without_effect_is_refused(tmp_path, options, words: str):
-    assert words in told(write_features(tmp_path / "a.geojson", straight_rows()), **options)
+    assert words in error_of(write_features(tmp_path / "a.geojson", straight_rows()), **options)

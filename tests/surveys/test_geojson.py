@@ -54,7 +54,7 @@ def lines_of(drawn: list[Row] | tuple[Row, ...]) -> dict[str, list[complex]]:
     }
 
 
-def told(file: Path, crs: str | None = None) -> str:
+def error_of(file: Path, crs: str | None = None) -> str:
     with pytest.raises(ScenarioError) as raised:
         import_rows(file, crs)
     return str(raised.value)
@@ -160,7 +160,7 @@ def test_a_coordinate_that_is_no_number_is_refused(x, file: Path):
     content = json.loads(file.read_text())
     content["features"][0]["geometry"]["coordinates"][0][0] = x
     file.write_text(json.dumps(content))
-    assert "each point must be two finite numbers" in told(file)
+    assert "each point must be two finite numbers" in error_of(file)
 
 
 @pytest.mark.filterwarnings("error")
@@ -169,7 +169,7 @@ def test_a_place_beyond_all_systems_is_refused_without_a_warning(file: Path):
     content = json.loads(file.read_text())
     content["features"][0]["geometry"]["coordinates"][0][0] = 1e308
     file.write_text(json.dumps(content))
-    assert "is no place in the coordinate system" in told(file)
+    assert "is no place in the coordinate system" in error_of(file)
 
 
 def test_lines_that_go_there_and_back_are_rows(file: Path):
@@ -238,7 +238,7 @@ def test_a_line_outside_the_limits_is_refused_with_its_id(
     broken = data.draw(st.sampled_from(sorted(lines_of(drawn))))
     breaks, words = BROKEN[what]
     lines[broken] = breaks(lines[broken])
-    problems = told(write_geojson(file, lines, yaw)).splitlines()
+    problems = error_of(write_geojson(file, lines, yaw)).splitlines()
     assert any(
         problem.startswith(f"{file}: feature {broken}: ") and words in problem
         for problem in problems
@@ -262,7 +262,7 @@ def test_rows_too_near_or_too_far_are_refused_with_the_id(
     words = "must be 3.65 to 60 m from centre line to centre line"
     assert any(
         f"feature r{number}: " in problem and words in problem
-        for problem in told(write_geojson(file, lines, yaw)).splitlines()
+        for problem in error_of(write_geojson(file, lines, yaw)).splitlines()
     )
 
 
@@ -271,7 +271,7 @@ def test_all_faults_are_told_at_once(file: Path):
     lines["r2"] = BROKEN["bent"][0](lines["r2"])
     lines["r4"] = [lines["r4"][0], lines["r4"][0] - 15.0]
     lines["r6"] = [point - 60.0j for point in lines["r6"]]
-    problems = told(write_geojson(file, lines))
+    problems = error_of(write_geojson(file, lines))
     words = (
         "r2: is bent",
         "r4: is 15.00 m long",
@@ -347,7 +347,7 @@ def test_a_file_that_cannot_be_used_is_told_in_words(
     text: str, crs: str | None, words: str, file: Path
 ):
     file.write_text(text)
-    assert words in told(file, crs)
+    assert words in error_of(file, crs)
 
 
 @pytest.mark.soak

@@ -40,7 +40,7 @@ def imported(path, text: str, **options):
     return import_survey(path, ImportOptions(**options))
 
 
-def told(path, text: str) -> str:
+def error_of(path, text: str) -> str:
     with pytest.raises(ScenarioError) as raised:
         imported(path, text)
     return str(raised.value)
@@ -65,7 +65,7 @@ def test_folders_are_blocks(tmp_path):
         folder("Top", *ROWS),
         folder("Low", *(placemark(f"s{number}", line(number + 40)) for number in range(3))),
     )
-    words = told(tmp_path / "rows.kml", text)
+    words = error_of(tmp_path / "rows.kml", text)
     assert f"{tmp_path / 'rows.kml'} --block Low" in words
     assert imported(tmp_path / "rows.kml", text, block="Low").scenario.rows == 3
 
@@ -94,7 +94,7 @@ BOMB = '<!DOCTYPE kml [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;">]>'
     ],
 )
 def test_what_is_no_kml_of_rows_is_told(tmp_path, text: str, words: str):
-    assert words in told(tmp_path / "rows.kml", text)
+    assert words in error_of(tmp_path / "rows.kml", text)
 
 
 def test_an_outline_with_a_hole_is_refused(tmp_path):
@@ -105,5 +105,5 @@ def test_an_outline_with_a_hole_is_refused(tmp_path):
     outline = f"<outerBoundaryIs>{outer}</outerBoundaryIs>"
     hole = f"<innerBoundaryIs>{inner}</innerBoundaryIs>"
     text = kml(placemark("Top", f"<Polygon>{outline}{hole}{hole}</Polygon>"))
-    words = told(tmp_path / "top.kml", text)
+    words = error_of(tmp_path / "top.kml", text)
     assert "feature Top: has 2 holes, and rows would go through; draw it without" in words

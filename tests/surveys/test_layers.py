@@ -31,7 +31,8 @@ def write(path, features: list[dict], crs: str | None = CIRCUIT, **options) -> N
     )
 
 
-def told(path, **options) -> str:
+def error_of(path, **options) -> str:
+    """Return the error of an import."""
     with pytest.raises(ScenarioError) as raised:
         import_survey(path, ImportOptions(**options))
     return str(raised.value)
@@ -49,33 +50,33 @@ def test_the_layer_of_the_rows_is_asked_for(tmp_path):
     path = tmp_path / "farm.gpkg"
     write(path, straight_rows(4), layer="rows")
     write(path, straight_rows(6), layer="old rows")
-    words = told(path)
+    words = error_of(path)
     assert f"orchard layout import {path} --layer rows" in words
     assert f"orchard layout import {path} --layer 'old rows'" in words
     assert import_survey(path, ImportOptions(layer="rows")).scenario.rows == 4
-    assert "has no layer new; it has rows and old rows" in told(path, layer="new")
+    assert "has no layer new; it has rows and old rows" in error_of(path, layer="new")
     other = write_features(tmp_path / "a.geojson", straight_rows())
-    assert "has no layers, which a GeoPackage has" in told(other, layer="rows")
+    assert "has no layers, which a GeoPackage has" in error_of(other, layer="rows")
 
 
 def test_a_shapefile_without_its_system_is_asked_about(tmp_path):
     path = tmp_path / "rows.shp"
     write(path, straight_rows())
     path.with_suffix(".prj").unlink()
-    assert "does not say its coordinate system" in told(path)
+    assert "does not say its coordinate system" in error_of(path)
     assert import_survey(path, ImportOptions(crs=CIRCUIT)).scenario.rows == 5
-    assert "belongs to a Shapefile; give its file rows.shp" in told(path.with_suffix(".dbf"))
+    assert "belongs to a Shapefile; give its file rows.shp" in error_of(path.with_suffix(".dbf"))
 
 
 def test_a_torn_file_is_told(tmp_path):
     path = tmp_path / "rows.gpkg"
     write(path, straight_rows())
     path.write_bytes(path.read_bytes()[:2000])
-    assert f"{path}: cannot be read: " in told(path)
+    assert f"{path}: cannot be read: " in error_of(path)
     shape = tmp_path / "rows.shp"
     write(shape, straight_rows())
     shape.with_suffix(".shx").unlink()
-    assert "a Shapefile needs its .shx and .dbf beside it" in told(shape)
+    assert "a Shapefile needs its .shx and .dbf beside it" in error_of(shape)
 
 
 @pytest.mark.parametrize("package", ["pyogrio", "shapely"])
@@ -83,7 +84,7 @@ def test_the_extra_is_told_where_it_is_missing(tmp_path, monkeypatch, package: s
     path = tmp_path / "rows.gpkg"
     write(path, straight_rows())
     monkeypatch.setitem(sys.modules, package, None)
-    assert f"{path}: needs the package {package}: pip install 'orchard-sim[gis]'" in told(path)
+    assert f"{path}: needs the package {package}: pip install 'orchard-sim[gis]'" in error_of(path)
 
 
 @pytest.mark.parametrize("ending", ["gpkg", "shp"])
@@ -94,4 +95,4 @@ def test_an_outline_with_a_hole_is_refused(tmp_path, ending: str):
     rings = [[pair(corner) for corner in ring] for ring in (corners, hole)]
     path = tmp_path / f"top.{ending}"
     write(path, [feature("Polygon", rings, row="Top")])
-    assert "feature Top: has a hole, and rows would go through" in told(path, spacing=5.0)
+    assert "feature Top: has a hole, and rows would go through" in error_of(path, spacing=5.0)

@@ -25,7 +25,8 @@ def box(west: float, south: float, east: float, north: float) -> list[list[list[
     return [[pair(corner) for corner in [*corners, corners[0]]]]
 
 
-def told(path, **options) -> str:
+def error_of(path, **options) -> str:
+    """Return the error of an import."""
     with pytest.raises(ScenarioError) as raised:
         import_survey(path, ImportOptions(**options))
     return str(raised.value)
@@ -76,13 +77,15 @@ def test_what_an_outline_leaves_open_is_said(outline):
 
 
 def test_an_outline_alone_is_asked_about(outline):
-    words = told(outline)
+    words = error_of(outline)
     assert "has 1 polygons, and no rows: Top" in words
     assert f"{outline} --direction 30 --spacing 5 --headland 8" in words
-    assert "--spacing: 2: must be 3.65 to 12.5 m" in told(outline, spacing=2.0)
-    assert "--headland: -1: must be at least 0 m" in told(outline, spacing=5.0, headland=-1.0)
-    assert "--direction: nan: must be -360 to 360" in told(outline, spacing=5.0, direction=math.nan)
-    assert "has 0 rows" in told(outline, spacing=5.0, headland=55.0)
+    assert "--spacing: 2: must be 3.65 to 12.5 m" in error_of(outline, spacing=2.0)
+    assert "--headland: -1: must be at least 0 m" in error_of(outline, spacing=5.0, headland=-1.0)
+    assert "--direction: nan: must be -360 to 360" in error_of(
+        outline, spacing=5.0, direction=math.nan
+    )
+    assert "has 0 rows" in error_of(outline, spacing=5.0, headland=55.0)
 
 
 def test_short_corners_of_an_outline_are_left_out(tmp_path):
@@ -104,7 +107,7 @@ def test_two_outlines_are_told_by_name(tmp_path):
         feature("Polygon", box(0.0, -150.0, 120.0, -90.0), name="Low", block="2"),
     ]
     path = write_features(tmp_path / "a.geojson", blocks)
-    assert "has several outlines, Top and Low; leave out all but one" in told(path, spacing=5.0)
+    assert "has several outlines, Top and Low; leave out all but one" in error_of(path, spacing=5.0)
     imported = import_survey(path, ImportOptions(spacing=5.0, without=("Low",)))
     assert imported.scenario.rows == 10
     assert import_survey(path, ImportOptions(spacing=5.0, block="2")).scenario.rows == 12
@@ -119,7 +122,7 @@ def test_an_outline_with_a_hole_is_refused(tmp_path):
     several = [[*box(0.0, -50.0, 120.0, 0.0), HOLE, HOLE]]
     for kind, rings, holes in (("Polygon", outline, "a hole"), ("MultiPolygon", several, "2 hole")):
         path = write_features(tmp_path / "a.geojson", [feature(kind, rings, name="Top")])
-        assert f"feature Top: has {holes}" in told(path, spacing=5.0)
+        assert f"feature Top: has {holes}" in error_of(path, spacing=5.0)
     lines = [feature("LineString", [pair(-6j * i), pair(60 - 6j * i)]) for i in range(4)]
     path = write_features(tmp_path / "b.geojson", [*lines, feature("Polygon", outline)])
     assert import_survey(path).scenario.rows == 4

@@ -27,7 +27,7 @@ def imported(path, text: str | bytes, **options):
     return import_survey(path, ImportOptions(**options))
 
 
-def told(path, text: str | bytes, **options) -> str:
+def error_of(path, text: str | bytes, **options) -> str:
     with pytest.raises(ScenarioError) as raised:
         imported(path, text, **options)
     return str(raised.value)
@@ -84,7 +84,7 @@ def test_eastings_need_a_system(tmp_path):
     lines = [f"{name},{x},{y}" for name, x, y in ends()]
     text = "\n".join(["Row,Easting,Northing", *lines])
     path = tmp_path / "rows.csv"
-    words = told(path, text)
+    words = error_of(path, text)
     assert f"does not say its coordinate system: orchard layout import {path} --crs" in words
     assert lengths(imported(path, text, crs="EPSG:2193")) == pytest.approx([60.0] * 4, abs=0.1)
 
@@ -116,9 +116,11 @@ def test_trees_in_a_table_are_lines_of_trees(tmp_path, head: str):
     ],
 )
 def test_a_table_that_cannot_be_used_is_told_in_words(tmp_path, text, words: str):
-    assert words in told(tmp_path / "rows.csv", text)
+    assert words in error_of(tmp_path / "rows.csv", text)
 
 
 def test_swapped_columns_are_found(tmp_path):
-    words = told(tmp_path / "rows.csv", DEGREES.replace("Latitude,Longitude", "Longitude,Latitude"))
+    words = error_of(
+        tmp_path / "rows.csv", DEGREES.replace("Latitude,Longitude", "Longitude,Latitude")
+    )
     assert "--swap-coordinates" in words

@@ -40,7 +40,7 @@ def stand_in(tmp_path, monkeypatch) -> Path:
     return program
 
 
-def told(stand_in: Path) -> list[str]:
+def arguments_of(stand_in: Path) -> list[str]:
     return json.loads(stand_in.with_name("words.json").read_text())
 
 
@@ -57,7 +57,7 @@ def test_a_recording_is_packed_by_the_program_of_the_variable(stand_in, tmp_path
     recording = tmp_path / "run.rrd"
     recording.write_text("loose")
     optimize(recording)
-    assert told(stand_in)[:2] == ["rrd", "optimize"]
+    assert arguments_of(stand_in)[:2] == ["rrd", "optimize"]
     assert recording.read_text() == "packed"
 
 
@@ -98,7 +98,7 @@ def test_a_recording_is_opened_by_it_with_all_its_parts(stand_in, tmp_path):
     for part in parts:
         part.write_bytes(HEAD)
     orchard("view", parts[0])
-    assert told(stand_in) == [
+    assert arguments_of(stand_in) == [
         "--bind",
         "127.0.0.1",
         *map(str, parts),
@@ -107,7 +107,7 @@ def test_a_recording_is_opened_by_it_with_all_its_parts(stand_in, tmp_path):
 
 def test_a_live_run_is_shown_by_it_in_a_window_and_to_browsers(stand_in):
     open_viewer("rerun+http://127.0.0.1:9/proxy").wait(PATIENCE)
-    assert told(stand_in) == [
+    assert arguments_of(stand_in) == [
         "--bind",
         "127.0.0.1",
         "rerun+http://127.0.0.1:9/proxy",
@@ -177,8 +177,8 @@ def test_a_recording_is_served_over_ssh_too(stand_in, monkeypatch, tmp_path):
     port = free_pair()
     (tmp_path / "run.rrd").write_bytes(HEAD)
     done = python(RUN, "view", "run.rrd", "--web", port, cwd=tmp_path)
-    assert told(stand_in) == command(port, "run.rrd")[1:]
-    assert told(stand_in)[-1] == f"http://127.0.0.1:{port + 1}/run.rrd"
+    assert arguments_of(stand_in) == command(port, "run.rrd")[1:]
+    assert arguments_of(stand_in)[-1] == f"http://127.0.0.1:{port + 1}/run.rrd"
     assert f"http://127.0.0.1:{port}/" in done.stdout
     assert f"-L {port}:127.0.0.1:{port} -L {port + 1}:127.0.0.1:{port + 1} 192.0.2.2" in done.stdout
     stand_in.write_text(f"#!{sys.executable}\nraise SystemExit(3)\n")

@@ -118,7 +118,8 @@ def test_an_agent_given_to_local_mode_drives_as_a_named_class():
     given = played(SMALL, 40, picker_01=own_agents.Eastward(None, "picker_01"))
     named = played(driven_by(picker_01="Eastward"), 40)
     assert list(given.agents) == list(named.agents)
-    assert given.engine.hash == named.engine.hash == with_picker_01(own_agents.Eastward)
+    assert given.engine.hash == named.engine.hash
+    assert named.engine.hash == with_picker_01(own_agents.Eastward)
 
 
 def test_an_agent_that_takes_over_gets_no_foreign_memory():
@@ -147,7 +148,8 @@ def test_only_an_agent_that_is_there_can_be_replaced():
 def test_a_class_of_the_scenario_drives_alike_in_every_mode(fleet):
     own = driven_by(picker="Eastward")
     local = played(own, 40)
-    assert local.actions["picker_01"].doing == local.actions["picker_02"].doing == "driving on"
+    assert local.actions["picker_01"].doing == local.actions["picker_02"].doing
+    assert local.actions["picker_02"].doing == "driving on"
     fleet.physics(own, "--duration", "4")
     fleet.share(2)
     assert fleet.end() == local.engine.hash != local_hash(SMALL, 40)

@@ -60,7 +60,8 @@ def test_the_first_of_several_lines_leaves_first():
         plan.come_out(picker, 0, stop=0)
     plan.go_on(lines)
     plan.run(1)
-    assert [robot.line for robot in plan.robots if robot.line != AWAY] == lines == [0, 1, 2, 3]
+    assert [robot.line for robot in plan.robots if robot.line != AWAY] == lines
+    assert lines == [0, 1, 2, 3]
 
 
 def test_it_decides_as_predictive_where_it_cannot_look_ahead():
@@ -100,7 +101,8 @@ def test_a_bin_whose_carrier_does_not_come_gets_another():
     assert policy.assign(1200, [report], [CarrierReport("carrier_02", "", True, 0.0)], memory) == [
         Assignment("bin_01", "carrier_02")
     ]
-    assert memory.trips["carrier_01"].bin.number == memory.trips["carrier_02"].bin.number == 0
+    assert memory.trips["carrier_01"].bin.number == memory.trips["carrier_02"].bin.number
+    assert memory.trips["carrier_02"].bin.number == 0
     assert memory.after["picker_01"].number == 1
 
 

@@ -94,7 +94,8 @@ def test_a_fork_without_changes_has_the_hash_of_its_parent():
     parent = played(SMALL, 300)
     fork = played(parent.fork(), 500)
     assert parent.engine.tick == 300
-    assert fork.engine.hash == played(parent, 500).engine.hash == local_hash(SMALL, 500)
+    assert fork.engine.hash == played(parent, 500).engine.hash
+    assert played(parent, 500).engine.hash == local_hash(SMALL, 500)
 
 
 def test_a_fork_leaves_agents_behind_that_were_given_to_play():

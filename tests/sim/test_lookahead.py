@@ -204,7 +204,8 @@ def test_a_change_at_the_bar_ends_the_holds_of_both():
     picker = Holder(acts={0: {"deeds": [Uncouple()]}})
     bin_ = Holder()
     asked_in(4, picker, bin_01=bin_)
-    assert picker.asked == bin_.asked == [0, 1]
+    assert picker.asked == bin_.asked
+    assert bin_.asked == [0, 1]
 
 
 def test_another_velocity_at_the_bar_ends_a_hold():

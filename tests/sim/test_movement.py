@@ -148,13 +148,13 @@ def test_what_is_in_the_way_stops_a_body_and_is_told_once():
     wall.drive(5, picker_01=AHEAD)
     assert wall.pose("picker_01").x == pytest.approx(0.2)
     assert not wall.of("twist", "picker_01").any()
-    assert [(event.tick, event.who, event.whom) for event in wall.told("collision")] == [
+    assert [(event.tick, event.who, event.whom) for event in wall.happened("collision")] == [
         (2, "picker_01", "")
     ]
-    assert "fence" in wall.told("collision")[0].detail
+    assert "fence" in wall.happened("collision")[0].detail
     wall.drive(1, picker_01=Twist(-1.0))
     wall.drive(3, picker_01=AHEAD)
-    assert len(wall.told("collision")) == collisions(wall.world) == 2
+    assert len(wall.happened("collision")) == collisions(wall.world) == 2
 
 
 def test_a_body_may_drive_until_it_touches():
@@ -162,7 +162,7 @@ def test_a_body_may_drive_until_it_touches():
     touch.drive(3, picker_01=AHEAD)
     assert touch.pose("picker_01").x == pytest.approx(0.3)
     touch.drive(1, picker_01=AHEAD)
-    assert touch.told("collision")[0].whom == "tractor_02"
+    assert touch.happened("collision")[0].whom == "tractor_02"
 
 
 def test_robots_and_guests_are_counted_apart():

@@ -67,7 +67,8 @@ class Yard:
     def of(self, array: str, name: str):
         return getattr(self.world, array)[self.world.index[name]]
 
-    def told(self, what: str) -> list:
+    def happened(self, what: str) -> list:
+        """Return the events of a kind."""
         return [event for event in self.events if event.what == what]
 
 

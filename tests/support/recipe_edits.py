@@ -50,7 +50,7 @@ def _left_part_full('''
 TIPPED_TEST = """def test_a_bin_into_which_a_robot_drives_tips():
     spot = yard(("picker", Pose(0, 0, EAST)), ("bin", Pose(2, 0, EAST)))
     spot.drive(10, picker_01=Twist(0.5))
-    assert [(event.who, event.whom) for event in spot.told("bin tipped")] == [
+    assert [(event.who, event.whom) for event in spot.happened("bin tipped")] == [
         ("bin_02", "picker_01")
     ]
 

@@ -28,6 +28,7 @@ from orchard.plans.steps import DriveTo, Need
 from orchard.report.bounds import Bounds
 
 FARTHEST = "examples.seams.farthest_first.FarthestFirst"
+# Places on the roads. A claim: a robot, the numbers of places that it keeps, places that it wants.
 PLACES = st.lists(st.sampled_from(["D/1", "D/2", "F/1", "F/2"]), max_size=3, unique=True)
 CLAIMS = st.lists(
     st.tuples(st.sampled_from(["a", "b", "c", "d"]), st.sets(st.integers(0, 3)), PLACES),
@@ -40,15 +41,11 @@ def test_no_place_is_ever_reserved_for_two_that_are_not_partners(claims):
     table = ReservationTable()
     for tick, (name, kept, want) in enumerate(claims):
         reserved = table.reserved.get(name, [])
-        note(
-            table,
-            name,
-            Claim(keep=[p for i, p in enumerate(reserved) if i in kept], want=want, beside=""),
-            tick,
-        )
+        keep = [place for number, place in enumerate(reserved) if number in kept]
+        note(table, name, Claim(keep=keep, want=want, beside=""), tick)
         grant(table)
-        everything = [place for places in table.reserved.values() for place in places]
-        assert len(everything) == len(set(everything))
+        all_reserved = [place for places in table.reserved.values() for place in places]
+        assert len(all_reserved) == len(set(all_reserved))
 
 
 def test_places_are_given_all_together_or_not_at_all():
@@ -83,6 +80,7 @@ def test_a_partner_joins_at_once_although_others_stand_in_line():
     assert table.reserved == {"carrier": ["D/1"], "other": [], "picker": ["D/1"]}
 
 
+# Rows, pickers, carriers (None: as many as suit), width of rows in m, and other values.
 ORCHARDS = [
     (3, 2, None, 5.0, {}),
     (5, 2, None, 5.0, {"row_length": 30.0}),
@@ -134,14 +132,13 @@ def test_all_pickers_call_at_once_and_all_are_served(pickers):
     stage.run_until(lambda: bool((stage.world.row_picked >= 70.0).all()), 75)
     stage.run_to_the_end()
     assert stage.world.delivered == pickers
-    assert (
-        len(stage.happened("unloaded"))
-        == len({(event.tick, event.who) for event in stage.happened("unloaded")})
-        == pickers
-    )
+    unloaded = stage.happened("unloaded")
+    assert len(unloaded) == pickers
+    assert len({(event.tick, event.who) for event in unloaded}) == pickers
     stage.assert_no_collisions()
 
 
+# Rows, pickers, seed, route, and length of rows in m.
 WITH_GUESTS = [
     (3, 2, 1, ONE_WAY, 70.0),
     (5, 5, 1, ONE_WAY, 30.0),
@@ -149,11 +146,14 @@ WITH_GUESTS = [
     (6, 4, 1, TWO_WAY, 30.0),
     pytest.param(8, 3, 1, ONE_WAY, 70.0, marks=pytest.mark.soak),
     pytest.param(5, 2, 1, TWO_WAY, 70.0, marks=pytest.mark.soak),
-    *(
-        pytest.param(*of, route, 70.0, marks=pytest.mark.soak)
-        for of in [(5, 2, 3), (12, 6, 1), (20, 10, 1), (20, 20, 1)]
-        for route in (ONE_WAY, TWO_WAY)
-    ),
+    pytest.param(5, 2, 3, ONE_WAY, 70.0, marks=pytest.mark.soak),
+    pytest.param(5, 2, 3, TWO_WAY, 70.0, marks=pytest.mark.soak),
+    pytest.param(12, 6, 1, ONE_WAY, 70.0, marks=pytest.mark.soak),
+    pytest.param(12, 6, 1, TWO_WAY, 70.0, marks=pytest.mark.soak),
+    pytest.param(20, 10, 1, ONE_WAY, 70.0, marks=pytest.mark.soak),
+    pytest.param(20, 10, 1, TWO_WAY, 70.0, marks=pytest.mark.soak),
+    pytest.param(20, 20, 1, ONE_WAY, 70.0, marks=pytest.mark.soak),
+    pytest.param(20, 20, 1, TWO_WAY, 70.0, marks=pytest.mark.soak),
 ]
 
 
@@ -174,8 +174,10 @@ def test_soak_a_random_legal_scenario_delivers_all_bins(number, size):
     scenario = random_scenario(number) if size == "any" else large_scenario(number)
     print(f"scenario {number} of seed {RANDOM_SEED}: {scenario}")
     stage = Stage(scenario)
-    slow = scenario.row_length * scenario.rows / scenario.pickers / scenario.mean_picking_speed
-    stage.run_to_the_end(seconds=3 * slow + 1200 * scenario.rows)
+    # Three times what picking alone takes, and 20 minutes for the carriers of each row.
+    metres = scenario.row_length * scenario.rows / scenario.pickers
+    picking_seconds = metres / scenario.mean_picking_speed
+    stage.run_to_the_end(seconds=3 * picking_seconds + 1200 * scenario.rows)
     assert stage.world.delivered == scenario.rows
     stage.assert_no_collisions()
 
@@ -251,15 +253,15 @@ def test_a_full_queue_closes_up_and_serves_from_its_head():
     stage = Stage(empty_orchard(rows=3, pickers=3, carriers=30, row_length=30.0, dispatch=NEAREST))
     stage.run_until(lambda: len(stage.happened("row picked")) == 3, 80)
     stage.run_to_the_end()
-    left = {event.who for event in stage.happened("uncoupled") if event.who.startswith("carrier")}
-    assert len(left) == 3
-    east = stage.world.layout.row_east + 0.9
-    heads = [
-        name
-        for name in stage.world.layout.names
-        if name.startswith("carrier") and abs(stage.pose(name)[0] - east) < 1e-6
-    ]
-    assert len(heads) == 10, "every line has closed up to its head"
+    uncoupled = stage.happened("uncoupled")
+    sent = {event.who for event in uncoupled if event.who.startswith("carrier")}
+    assert len(sent) == 3
+
+    # Each of the ten lines has closed up to its head.
+    head_x = stage.world.layout.row_east + 0.9
+    carriers = [name for name in stage.world.layout.names if name.startswith("carrier")]
+    at_heads = [name for name in carriers if abs(stage.pose(name)[0] - head_x) < 1e-6]
+    assert len(at_heads) == 10
 
 
 def test_a_person_standing_in_a_row_holds_up_only_that_row():
@@ -268,9 +270,8 @@ def test_a_person_standing_in_a_row_holds_up_only_that_row():
     )
     stage.put("worker_01", 10.0, stage.world.layout.lane(1).y, "NORTH")
     stage.run_until(lambda: bool((stage.world.row_picked[2:] >= 70.0).all()), 800)
-    assert 42.9 < stage.world.row_picked[0] <= 43.0 + 1e-6, (
-        "0.8 m before the person, less at most one step"
-    )
+    # The picker stops 0.8 m before the person, less at most one step.
+    assert 42.9 < stage.world.row_picked[0] <= 43.0 + 1e-6
     stage.local.agents["worker_01"] = Driven(Twist(x=1.0))
     stage.run_until(lambda: stage.world.row_picked[0] == 70.0, 60)
 
@@ -282,37 +283,39 @@ def test_a_crossing_animal_is_not_run_over():
     stage.assert_no_collisions()
 
 
+# Of each road, the metres before and past a lane in which others turn, cross and deliver there.
+NEEDED_BY_OTHERS = {
+    ONE_WAY: {"D": (2.6, 3.0), "F": (2.6, 3.0)},
+    TWO_WAY: {"D": (2.6, 1.2), "F": (2.9, 1.2)},
+}
+
+
 def lanes_touched(stage: Stage, carrier: str) -> list[tuple[str, str, int]]:
     """Return where a carrier or its bin is on the roads now: (side, road, lane) of each place.
 
     Only while it drives along a road; on no road the list is empty.
     """
-    x, y, facing = stage.pose(carrier)
-    route = route_of(stage.world.layout)
+    layout = stage.world.layout
+    x, y, heading = stage.pose(carrier)
+    route = route_of(layout)
+    if y > layout.tree_lines[0]:
+        return []
+    # Of the carrier, m ahead of its centre.
+    front = 0.9
+    tail = -2.4 if stage.bin_of(carrier) else -0.9
     touched = []
-    # Road -> metres before and past a lane, along the road, in which others turn, cross and deliver
-    # at that lane.
-    reach = {
-        ONE_WAY: {"D": (2.6, 3.0), "F": (2.6, 3.0)},
-        TWO_WAY: {"D": (2.6, 1.2), "F": (2.9, 1.2)},
-    }[stage.world.layout.scenario.route]
     for side in route.sides.values():
         for road, road_x in (("D", route.D_ROAD), ("F", route.F_ROAD)):
-            # +1: carriers drive north there.
-            along = side.south if road == "F" and route.QUEUE == TWO_WAY else -side.south
-            if (
-                abs(x - side.x(road_x)) > 0.01
-                or abs(facing - along * np.pi / 2) > 0.1
-                or y > stage.world.layout.tree_lines[0]
-            ):
+            # +1: carriers drive north there; -1: south.
+            direction = side.south if road == "F" and route.QUEUE == TWO_WAY else -side.south
+            is_on_road = abs(x - side.x(road_x)) <= 0.01
+            drives_along = abs(heading - direction * np.pi / 2) <= 0.1
+            if not is_on_road or not drives_along:
                 continue
-            front = 0.9
-            tail = -2.4 if stage.bin_of(carrier) else -0.9
-            before, past = reach[road]
-            for lane in stage.world.layout.lanes:
-                # Metres past the lane.
-                here = along * (y - lane.y)
-                if here + front > -before and here + tail < past:
+            before, past = NEEDED_BY_OTHERS[layout.scenario.route][road]
+            for lane in layout.lanes:
+                metres_past = direction * (y - lane.y)
+                if metres_past + front > -before and metres_past + tail < past:
                     touched.append((side.name, road, lane.number))
     return touched
 
@@ -346,11 +349,10 @@ def test_robots_ask_for_one_place_after_the_other(width, route):
     layout = lay_out(empty_orchard(rows=6, pickers=3, carriers=40, row_width=width, route=route))
     route = route_of(layout)
     claims = []
-    for one in layout.passes(Block(tuple(range(1, 6)))):
+    for pass_ in layout.passes(Block(tuple(range(1, 6)))):
+        side = route.sides[pass_.end]
         for carrier in (1, 11, 21, 31):
-            claims += places_asked(
-                route.fetch(carrier, one.row, route.sides[one.end], "picker_01", "bin_01")
-            )
+            claims += places_asked(route.fetch(carrier, pass_.row, side, "picker_01", "bin_01"))
     claims += places_asked(route.harvest(Block(tuple(range(1, 7)))))
     assert len(claims) > 200
     # Both places of the south-west corner are beyond all lanes.
@@ -359,15 +361,19 @@ def test_robots_ask_for_one_place_after_the_other(width, route):
 
 
 def places_asked(steps):
-    needs = [step.places for step in steps if isinstance(step, Need)]
-    return needs + [
-        gate.places for step in steps if isinstance(step, DriveTo) for gate in step.needs
-    ]
+    """Return the places of each claim that steps make."""
+    claims = []
+    for step in steps:
+        if isinstance(step, Need):
+            claims.append(step.places)
+        elif isinstance(step, DriveTo):
+            claims += [gate.places for gate in step.needs]
+    return claims
 
 
 def test_the_mean_round_of_two_way_is_at_least_a_third_shorter():
-    one_way, two_way = (
-        Bounds(lay_out(empty_orchard(rows=20, pickers=10, carriers=10, route=route)))
-        for route in (ONE_WAY, TWO_WAY)
-    )
-    assert two_way.cycle_seconds <= 0.65 * one_way.cycle_seconds
+    seconds = {}
+    for route in (ONE_WAY, TWO_WAY):
+        layout = lay_out(empty_orchard(rows=20, pickers=10, carriers=10, route=route))
+        seconds[route] = Bounds(layout).cycle_seconds
+    assert seconds[TWO_WAY] <= 0.65 * seconds[ONE_WAY]

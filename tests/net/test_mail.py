@@ -19,12 +19,14 @@ from orchard.wire.messages import Angular, Answered, AskedOf, Linear, Received, 
 
 
 def mailbox(tick=5):
+    """Return a mailbox whose session has joined at a tick."""
     box = Mailbox(RUN)
     box.join(tick)
     return box
 
 
 def settled(tick):
+    """Return a mailbox that has heard all of the ticks before a tick."""
     box = mailbox(tick - 2)
     for before in (tick - 2, tick - 1):
         box.deliver(before)
@@ -133,6 +135,7 @@ def test_an_answer_to_what_was_heard_earlier_goes_nowhere():
 
 
 def ask(box, tick=5):
+    """Let bin_01 ask picker_01 at a tick. Return what is to be sent."""
     box.deliver(tick)
     (asked,) = box.write("bin_01", Action(requests=[("picker_01", StateRequest())]))
     return asked
@@ -146,9 +149,8 @@ def test_a_tick_waits_for_every_request_physics_tells_of():
     box.hear("picker_01", Query(letter("bin_01", 4, 0)))
     box.hear("picker_01", Query(letter("bin_02", 4, 2)))
     box.hear("picker_01", Query(letter("bin_02", 5, 3)))
-    assert not box.is_settled(5, expected), (
-        "the one is of another number, the other of another tick"
-    )
+    # Of bin_02, one request has another number, and the other is of another tick.
+    assert not box.is_settled(5, expected)
     assert box.may_lack_mail(5, expected)
     box.hear("picker_01", Query(letter("bin_02", 4, 3)))
     assert box.is_settled(5, expected)

@@ -18,6 +18,12 @@ from orchard.report.metrics import collisions
 ROBOTS = ("picker_01", "picker_02", "carrier_01", "carrier_02", "tractor_01")
 
 
+# Simulated s within which each harvest of this file is over.
+MOST_SECONDS = 3000
+# Collisions of one piece of advice: a robot that it drives may hit something once.
+COLLISIONS_OF_ADVICE = 1
+
+
 @dataclass
 class Advice:
     """Advice that drives a robot at a velocity, in place of its agent, from a tick on."""
@@ -52,12 +58,6 @@ class AdvisedHarvest:
                 advise(stage, advice.robot, Twist(advice.speed, yaw=advice.turn_rate), advice.ticks)
         stage.run_until(lambda: engine.over, MOST_SECONDS)
         return stage
-
-
-# Simulated s within which each harvest of this file is over.
-MOST_SECONDS = 3000
-# Collisions of one piece of advice: a robot that it drives may hit something once.
-COLLISIONS_OF_ADVICE = 1
 
 
 def advise(stage: Stage, name: str, twist: Twist, ticks: int) -> None:

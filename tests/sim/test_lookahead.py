@@ -1,8 +1,7 @@
-"""Lookahead: an agent that holds its velocity is asked when its hold ends, not earlier; and holds
-change no result.
-"""
+"""Lookahead: an agent that holds is asked when its hold ends, not earlier; no result changes."""
 
 import logging
+import math
 
 import numpy as np
 import pytest
@@ -55,12 +54,14 @@ class Holder:
 
 
 def stage_of(scenario=None, **agents):
+    """Return a stage on which these agents act, and all others hold."""
     stage = Stage(scenario or empty_orchard())
     stage.local.agents = {name: Holder() for name in stage.local.agents} | agents
     return stage
 
 
 def asked_in(ticks, agent, scenario=None, name="picker_01", **others):
+    """Run for some ticks. Return the ticks at which an agent was asked."""
     stage = stage_of(scenario, **{name: agent}, **others)
     stage.run(ticks / 10)
     return agent.asked
@@ -71,17 +72,17 @@ def same_run(scenario, ticks):
 
     Return the share of agents that were asked.
     """
-    runs = {
-        holds: Stage(scenario, holds=holds, is_hashed=True) for holds in (Lookahead, IgnoredHolds)
-    }
-    for run in runs.values():
-        run.run(ticks / 10)
-    on = runs[Lookahead]
-    ignored = runs[IgnoredHolds]
-    assert on.local.engine.hash == ignored.local.engine.hash
-    assert on.local.engine.states.figures() == ignored.local.engine.states.figures()
-    assert ignored.local.engine.asked_share == 1.0
-    return on.local.engine.asked_share
+    engines = {}
+    for holds in (Lookahead, IgnoredHolds):
+        stage = Stage(scenario, holds=holds, is_hashed=True)
+        stage.run(ticks / 10)
+        engines[holds] = stage.local.engine
+    with_holds = engines[Lookahead]
+    without = engines[IgnoredHolds]
+    assert with_holds.hash == without.hash
+    assert with_holds.states.figures() == without.states.figures()
+    assert without.asked_share == 1.0
+    return with_holds.asked_share
 
 
 @given(SCENARIOS, st.integers(50, 400))
@@ -108,24 +109,32 @@ def test_holds_change_no_result_of_a_bin_with_its_picker():
 @given(SCENARIOS, st.data())
 @settings(max_examples=4)
 def test_holds_change_no_stopped_reset_and_handed_over_run(scenario, data):
-    at = sorted(data.draw(st.lists(st.integers(1, 200), min_size=4, max_size=4)))
+    ticks = sorted(data.draw(st.lists(st.integers(1, 200), min_size=4, max_size=4)))
     robot = data.draw(st.sampled_from(["picker", "carrier"]))
-    hashes = set()
-    for holds in (Lookahead, IgnoredHolds, CheckedHolds):
-        local = Local(scenario, holds=holds)
-        for _ in range(220):
-            if local.engine.tick == at[0]:
-                local.engine.stop([robot])
-            if local.engine.tick == at[1]:
-                # As if other processes had taken all agents over.
-                local.engine.wake(local.agents)
-            if local.engine.tick == at[2]:
-                local.engine.reset([robot])
-            if local.engine.tick == at[3]:
-                local = Local.resume(local.snapshot(), holds=holds)
-            local.tick()
-        hashes.add(local.engine.hash)
-    assert len(hashes) == 1
+    hashes = [disturbed_run(scenario, holds, robot, ticks) for holds in (Lookahead, IgnoredHolds)]
+    hashes.append(disturbed_run(scenario, CheckedHolds, robot, ticks))
+    assert hashes[0] == hashes[1]
+    assert hashes[0] == hashes[2]
+
+
+def disturbed_run(scenario, holds, robot, ticks):
+    """Stop robots, wake all agents, reset the robots, and resume the run, at these four ticks.
+
+    Agents are waked as if other processes had taken them over. Return the hash after 220 ticks.
+    """
+    stopped, taken_over, reset, resumed = ticks
+    local = Local(scenario, holds=holds)
+    for _ in range(220):
+        if local.engine.tick == stopped:
+            local.engine.stop([robot])
+        if local.engine.tick == taken_over:
+            local.engine.wake(local.agents)
+        if local.engine.tick == reset:
+            local.engine.reset([robot])
+        if local.engine.tick == resumed:
+            local = Local.resume(local.snapshot(), holds=holds)
+        local.tick()
+    return local.engine.hash
 
 
 def test_a_call_no_longer_repeated_is_forgotten():
@@ -155,15 +164,14 @@ def test_an_agent_without_holds_is_asked_at_every_tick():
 
 def test_a_hold_ends_at_its_tick():
     """Its velocity is applied until then."""
-    stage = stage_of(
-        visitor_01=(visitor := Holder(Twist(0.5), until=3)),
-        scenario=empty_orchard(people=People(workers=0, visitors=1)),
-    )
+    visitor = Holder(Twist(0.5), until=3)
+    scenario = empty_orchard(people=People(workers=0, visitors=1))
+    stage = stage_of(scenario, visitor_01=visitor)
     x, y, _ = stage.pose("visitor_01")
     stage.run(0.7)
     assert visitor.asked == [0, 3, 6]
     moved = stage.pose("visitor_01")
-    assert (moved[0] - x) ** 2 + (moved[1] - y) ** 2 == pytest.approx((0.5 * 0.7) ** 2)
+    assert math.hypot(moved[0] - x, moved[1] - y) == pytest.approx(0.5 * 0.7)
 
 
 def test_nobody_holds_for_longer_than_100_s():
@@ -174,13 +182,14 @@ def test_mail_ends_a_hold_a_request_and_the_reply_to_an_own_one():
     asker = Holder(acts={0: {"requests": [("bin_02", StateRequest())]}})
     bin_ = Holder()
     asked_in(5, asker, bin_02=bin_)
-    assert bin_.asked == [0, 1]  # the request
-    assert asker.asked == [0, 2]  # the reply
+    assert bin_.asked == [0, 1], "it is asked for the request"
+    assert asker.asked == [0, 2], "it is asked for the reply"
 
 
 def test_a_refused_step_ends_a_hold():
     # Its bin stays, and soon holds it back.
-    stage = stage_of(picker_01=(picker := Holder(Twist(1.0))), bin_01=Holder())
+    picker = Holder(Twist(1.0))
+    stage = stage_of(picker_01=picker, bin_01=Holder())
     stage.run(0.6)
     refused = int(stage.world.refused[stage.world.index["picker_01"]])
     assert refused > 0
@@ -189,7 +198,8 @@ def test_a_refused_step_ends_a_hold():
 
 def test_a_stop_ends_the_hold_of_what_moves():
     scenario = empty_orchard(tractor=True)
-    stage = stage_of(scenario, tractor_01=(tractor := Holder(Twist(0.5))))
+    tractor = Holder(Twist(0.5))
+    stage = stage_of(scenario, tractor_01=tractor)
     stage.run(0.2)
     stage.local.engine.stop(["tractor_01"])
     stage.run(0.2)
@@ -210,7 +220,8 @@ def test_a_change_at_the_bar_ends_the_holds_of_both():
 
 def test_another_velocity_at_the_bar_ends_a_hold():
     stage = Stage(empty_orchard())
-    stage.local.agents["bin_01"] = bin_ = Holder()
+    bin_ = Holder()
+    stage.local.agents["bin_01"] = bin_
     stage.give("picker_01", [DriveTo(x=-30.0, speed=0.1)])
     stage.run(0.3)
     # The picker drives since tick 0.
@@ -218,6 +229,7 @@ def test_another_velocity_at_the_bar_ends_a_hold():
 
 
 def passed_by(x, y, **zones):
+    """Return a worker that holds, with a visitor that starts at a place and walks north past it."""
     scenario = empty_orchard(people=People(workers=1, visitors=1))
     watcher = Holder(**zones)
     stage = stage_of(scenario, worker_01=watcher, visitor_01=Holder(Twist(0.5)))
@@ -243,7 +255,7 @@ def test_a_still_zone_ends_a_hold_at_each_change_in_it():
 
 
 def test_another_freer_side_ends_a_hold():
-    # On its right, and on its way to the left.
+    # The visitor is on the right of the worker, and walks to the left of it.
     stage, watcher = passed_by(1.5, -32.5, freer_within=3.0)
     sides = []
     for _ in range(110):
@@ -264,6 +276,7 @@ scans = arrays(
 
 @given(scans, st.floats(0.1, 10.0))
 def test_agents_and_physics_see_the_same_freer_side(ranges, reach):
+    # The arguments of the kernel are arrays of one agent, which has no hitch and watches no zone.
     was = np.zeros(1, dtype=bool)
     one = np.zeros(1, dtype=np.int64)
     none = np.full((1, 1), -1)
@@ -314,27 +327,30 @@ class SlowPicker(Picker):
 
     def tick(self, seen, mail, memory):
         action = super().tick(seen, mail, memory)
-        action.twist = STILL if seen.tick % 7 else action.twist
+        if seen.tick % 7:
+            action.twist = STILL
         return action
 
 
 class HoldingVisitor(Person):
+    """A person whose class says that it holds."""
+
     holds = True
 
 
 def test_a_derived_class_is_asked_unless_it_says_it_holds():
-
-    def asked(class_, name):
+    def times_asked(class_, name):
+        """Let a class drive a body for 50 ticks. Return how often it was asked."""
         local = Local(SMALL)
         local.play(name, class_(local.engine.layout, name))
-        asked = 0
+        times = 0
         for _ in range(50):
             local.tick()
-            asked += name in local.answers
-        return asked
+            times += name in local.answers
+        return times
 
-    assert asked(SlowPicker, "picker_01") == 50
-    assert asked(HoldingVisitor, "worker_01") < 25
+    assert times_asked(SlowPicker, "picker_01") == 50
+    assert times_asked(HoldingVisitor, "worker_01") < 25
 
 
 @pytest.mark.parametrize(
@@ -355,13 +371,14 @@ def test_a_hold_that_is_none_breaks_the_agent(hold, caplog):
 
 
 class Impatient:
+    """Says that it stands for 60 s, and turns from tick 9 on."""
+
     Memory = dict
     holds = True
 
     def tick(self, seen, mail, memory):
-        return Action(
-            Twist(0.0, 0.0, 0.5) if seen.tick >= 9 else STILL, memory=memory, hold=Hold(600)
-        )
+        twist = Twist(yaw=0.5) if seen.tick >= 9 else STILL
+        return Action(twist, memory=memory, hold=Hold(600))
 
 
 def test_a_wrong_hold_is_named_with_its_difference(caplog):
@@ -369,8 +386,8 @@ def test_a_wrong_hold_is_named_with_its_difference(caplog):
         local = played(Local(SMALL, holds=CheckedHolds), 12, worker_01=Impatient())
     assert caplog.text.count("holds wrongly") == 1
     assert "worker_01 holds wrongly, tick 9: its answer.twist" in caplog.text
-    (told,) = local.engine.violations()
-    assert told.startswith("worker_01 holds wrongly, tick 9: its answer.twist"), (
+    (violation,) = local.engine.violations()
+    assert violation.startswith("worker_01 holds wrongly, tick 9: its answer.twist"), (
         "so the exit code of a run is 1"
     )
 

@@ -38,6 +38,7 @@ SEEDS = range(20)
 
 
 def erring(seed: int = 1, **changes: float) -> Scenario:
+    """Return an orchard with many robots and these errors of sensors."""
     return with_changes(empty_orchard(seed=seed, carriers=10), **changes)
 
 
@@ -51,14 +52,15 @@ def errors(scenario: Scenario, ticks: Sequence[int]) -> np.ndarray:
     world, scans = world_of(scenario)
     sensors = Sensors(world)
     robots = list(robots_of(world.layout).values())
-    found = []
-    while len(found) < len(ticks):
+    errors_of_ticks = []
+    while len(errors_of_ticks) < len(ticks):
         if world.tick in ticks:
             truth = observe(world, scans)
-            found.append((sensors.measured(truth).states - truth.states)[robots, :2])
+            differences = sensors.measured(truth).states - truth.states
+            errors_of_ticks.append(differences[robots, :2])
         world.tick += 1
         sensors.advance()
-    return np.array(found)
+    return np.array(errors_of_ticks)
 
 
 def over_seeds(*ticks: int, **changes: float) -> np.ndarray:
@@ -75,23 +77,26 @@ def test_sensors_without_errors_measure_the_truth(seed, bias_time):
     seen = exact.engine.observe()
     truth = exact.engine.truth()
     reckoned = exact.engine.odometry()
-    assert seen.states.tobytes() == truth.states.tobytes() == reckoned.states.tobytes()
+    assert seen.states.tobytes() == truth.states.tobytes()
+    assert reckoned.states.tobytes() == truth.states.tobytes()
     assert seen["picker_01"].accuracy == 0.0
 
 
 @pytest.mark.parametrize(("white", "bias"), [(0.02, 0.0), (0.0, 0.03), (0.01, 0.02)])
 def test_errors_of_positions_have_the_set_deviation(white, bias):
     """The 480 errors of one tick are independent, so their deviation is right to some 3 %."""
-    found = over_seeds(0, **{"sensors.gnss.white": white, "sensors.gnss.bias": bias})
-    wanted = math.hypot(white, bias)
-    assert found.std() == pytest.approx(wanted, rel=0.1)
-    assert abs(found.mean()) < 3 * wanted / math.sqrt(found.size)
-    east = found[..., 0].ravel()
-    north = found[..., 1].ravel()
-    assert abs(np.corrcoef(east, north)[0, 1]) < 0.2, "x and y have errors of their own"
-    assert abs(np.corrcoef(found[:, 0, 0].ravel(), found[:, 0, 1].ravel())[0, 1]) < 0.3, (
-        "so has each robot"
-    )
+    measured = over_seeds(0, **{"sensors.gnss.white": white, "sensors.gnss.bias": bias})
+    deviation = math.hypot(white, bias)
+    assert measured.std() == pytest.approx(deviation, rel=0.1)
+    assert abs(measured.mean()) < 3 * deviation / math.sqrt(measured.size)
+
+    # The errors of x and y are independent, and so are those of two robots.
+    of_x = measured[..., 0].ravel()
+    of_y = measured[..., 1].ravel()
+    assert abs(np.corrcoef(of_x, of_y)[0, 1]) < 0.2
+    of_first = measured[:, 0, 0].ravel()
+    of_second = measured[:, 0, 1].ravel()
+    assert abs(np.corrcoef(of_first, of_second)[0, 1]) < 0.3
 
 
 def test_white_errors_are_new_and_slow_ones_fade():
@@ -101,29 +106,25 @@ def test_white_errors_are_new_and_slow_ones_fade():
     assert abs(correlation(white, 1)) < 0.15
     for i, ticks in enumerate((5, 20, 40), start=1):
         assert correlation(slow, i) == pytest.approx(math.exp(-ticks * TIME_STEP / 2.0), abs=0.12)
-    assert slow[:, 3].std() == pytest.approx(0.03, rel=0.1), (
-        "it is as large later as at the beginning"
-    )
+    # It is as large later as at the beginning.
+    assert slow[:, 3].std() == pytest.approx(0.03, rel=0.1)
 
 
-def correlation(found: np.ndarray, later: int) -> float:
-    return float(np.corrcoef(found[:, 0].ravel(), found[:, later].ravel())[0, 1])
+def correlation(measured: np.ndarray, later: int) -> float:
+    """Return the correlation of the errors at the first tick and at a later one."""
+    return float(np.corrcoef(measured[:, 0].ravel(), measured[:, later].ravel())[0, 1])
 
 
 def test_only_robots_have_receivers_and_each_knows_its_accuracy():
     world, scans = world_of(with_changes(Scenario(rows=3), **RTK))
     truth = observe(world, scans)
     seen = Sensors(world).measured(truth)
-    moved = {
-        name
-        for name, i in seen.names.items()
-        if seen.states[i].tobytes() != truth.states[i].tobytes()
-    }
-    assert (
-        moved
-        == set(seen.accuracies)
-        == {"picker_01", "picker_02", "carrier_01", "carrier_02", "tractor_01"}
-    )
+    erring_bodies = set()
+    for name, i in seen.names.items():
+        if seen.states[i].tobytes() != truth.states[i].tobytes():
+            erring_bodies.add(name)
+    assert erring_bodies == {"picker_01", "picker_02", "carrier_01", "carrier_02", "tractor_01"}
+    assert set(seen.accuracies) == erring_bodies
     assert set(seen.accuracies.values()) == {math.sqrt(0.01**2 + 0.02**2)}
 
 
@@ -173,13 +174,13 @@ def test_odometry_drifts_by_its_constants():
 
 
 def test_odometry_has_the_deviation_that_the_scenario_sets():
-    found = []
+    velocities = []
     for seed in SEEDS:
         world, scans = world_of(erring(seed, **DRIFT))
         robots = list(robots_of(world.layout).values())
         world.twist[robots] = 1.0, 0.0, 0.0
-        found.append(Sensors(world).measured(observe(world, scans)).states[robots, 4:])
-    ahead, _, bend = np.concatenate(found).T
+        velocities.append(Sensors(world).measured(observe(world, scans)).states[robots, 4:])
+    ahead, _, bend = np.concatenate(velocities).T
     assert (ahead - 1.0).std() == pytest.approx(0.02, rel=0.2)
     assert bend.std() == pytest.approx(0.01, rel=0.2)
 

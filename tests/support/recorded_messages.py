@@ -228,40 +228,42 @@ def heard_at(box, tick, name="picker_01"):
 
 def recorded(scenario, run: str, ticks: int) -> dict[str, list[tuple[str, bytes]]]:
     """Return some real messages of each kind of key, replies among them: (key, payload)."""
-    of_run = Run(scenario, run, ticks)
+    recorded_run = Run(scenario, run, ticks)
 
+    # Near the end a client asks what no host asks.
     def ask_too(key: str, payload: bytes) -> None:
         if key == KEYS.of("clock") and msgpack.unpackb(payload)["tick"] == ticks - 2:
-            for what, message in (
-                ("stop", Stop(run, True, ["picker_01"])),
-                ("stop", Stop(run, False, [])),
-                ("recall", Recall(run, ticks - 2)),
-            ):
-                of_run.host.bus.ask(KEYS.of(what), pack(message), "a ticket")
-            of_run.host.bus.ask(KEYS.of("scenario"), b"", "a ticket")
+            bus = recorded_run.host.bus
+            bus.ask(KEYS.of("stop"), pack(Stop(run, True, ["picker_01"])), "a ticket")
+            bus.ask(KEYS.of("stop"), pack(Stop(run, False, [])), "a ticket")
+            bus.ask(KEYS.of("recall"), pack(Recall(run, ticks - 2)), "a ticket")
+            bus.ask(KEYS.of("scenario"), b"", "a ticket")
 
-    of_run.net.on_put = ask_too
-    of_run.to_the_end()
-    queries = [
-        (query.key, payload)
-        for query in of_run.net.queries
-        for payload in (query.payload, *query.replies)
-        if payload
-    ]
-    found: dict[str, list[tuple[str, bytes]]] = {what: [] for what in TABLE}
-    for key, payload in of_run.net.sent + queries:
-        what = key.rsplit("/", 1)[1]
-        found[what].append((key, payload))
-    for what, key in TABLE.items():
-        for message in [type_ for type_ in (key.message, *key.replies) if type_ is not None]:
-            example = pack(EXAMPLES[message])
-            found[what].append(
-                (KEYS.of(what, "picker_01", "stranger"), rewritten(example, run=run))
-            )
-    return {what: messages[:: max(1, len(messages) // 40)] for what, messages in found.items()}
+    recorded_run.net.on_put = ask_too
+    recorded_run.to_the_end()
+    sent = list(recorded_run.net.sent)
+    for query in recorded_run.net.queries:
+        for payload in (query.payload, *query.replies):
+            if payload:
+                sent.append((query.key, payload))
+
+    by_kind: dict[str, list[tuple[str, bytes]]] = {kind: [] for kind in TABLE}
+    for key, payload in sent:
+        by_kind[key.rsplit("/", 1)[1]].append((key, payload))
+
+    # An example of each message, also of those that did not occur.
+    for kind, row in TABLE.items():
+        for type_ in (row.message, *row.replies):
+            if type_ is not None:
+                example = rewritten(pack(EXAMPLES[type_]), run=run)
+                by_kind[kind].append((KEYS.of(kind, "picker_01", "stranger"), example))
+
+    # Of many messages 40 to 80 are enough.
+    return {kind: messages[:: max(1, len(messages) // 40)] for kind, messages in by_kind.items()}
 
 
 def rewritten(payload: bytes, **fields) -> bytes:
+    """Return a message in which some fields have other values."""
     return msgpack.packb(msgpack.unpackb(payload, strict_map_key=False) | fields)
 
 

@@ -56,20 +56,19 @@ class Rows:
         self.rows.sort(key=lambda row: row[0])
 
     def _take(self, chunk: Any) -> None:
+        """Take the rows of a chunk. A static one has no time, and the last value counts."""
         batch = chunk.to_record_batch()
-        for row in (
-            batch.drop_columns([n for n in batch.schema.names if n == "sim_time"]).to_pylist()
-            if chunk.is_static
-            else ()
-        ):
-            self.static.update({key: value for key, value in row.items() if value is not None})
-        if not chunk.is_static:
-            seconds = [time.value / 1e9 for time in batch["sim_time"]]
-            names = [name for name in batch.schema.names if ":" in name]
-            lists = {name: batch[name].to_pylist() for name in names}
-            self.rows += [
-                (t, {name: lists[name][i] for name in names}) for i, t in enumerate(seconds)
-            ]
+        if chunk.is_static:
+            for row in batch.to_pylist():
+                for key, value in row.items():
+                    if key != "sim_time" and value is not None:
+                        self.static[key] = value
+            return
+        seconds = [time.value / 1e9 for time in batch["sim_time"]]
+        names = [name for name in batch.schema.names if ":" in name]
+        lists = {name: batch[name].to_pylist() for name in names}
+        for i, time in enumerate(seconds):
+            self.rows.append((time, {name: lists[name][i] for name in names}))
 
     def values(self, component: str) -> list[tuple[float, object]]:
         return [(t, row[component]) for t, row in self.rows if row.get(component) is not None]
@@ -99,42 +98,48 @@ def poses_at(path: Path, seconds: float) -> dict[str, tuple[float, float, float]
 
 
 def rows_of(file: Path) -> History:
-    found: History = {}
+    """Return the values of each component of each entity, in all parts, in the order of time."""
+    history: History = {}
     for path in parts_of(file):
         for chunk in RrdReader(path).stream():
             batch = chunk.to_record_batch()
-            if not chunk.is_static and "sim_time" in batch.schema.names:
-                times = [time_.value / 1e9 for time_ in batch["sim_time"]]
-                for name in (name for name in batch.schema.names if ":" in name):
-                    found.setdefault((chunk.entity_path, name), []).extend(
-                        (t, value)
-                        for t, value in zip(times, batch[name].to_pylist(), strict=True)
-                        if value is not None
-                    )
-    return {key: sorted(rows, key=lambda row: row[0]) for key, rows in found.items()}
+            if chunk.is_static or "sim_time" not in batch.schema.names:
+                continue
+            times = [time.value / 1e9 for time in batch["sim_time"]]
+            for name in batch.schema.names:
+                if ":" not in name:
+                    continue
+                rows = history.setdefault((chunk.entity_path, name), [])
+                for time, value in zip(times, batch[name].to_pylist(), strict=True):
+                    if value is not None:
+                        rows.append((time, value))
+    return {key: sorted(rows, key=lambda row: row[0]) for key, rows in history.items()}
 
 
 def lines_of(rows: History) -> list[tuple[float, str]]:
+    """Return the lines of the log of events, each with its time, s."""
     return [(t, text[0]) for t, text in rows.get(("/events", "TextLog:text"), [])]
 
 
 def seen_at(rows: History, seconds: float) -> dict[tuple[str, str], object]:
     """Return what a viewer shows of all that changes seldom."""
     newest = {}
-    for (entity, component), course in rows.items():
+    for (entity, component), history in rows.items():
         if entity.startswith(("/world", "/canopy", "/pins")):
-            past = [row for row in course if row[0] <= seconds]
-            newest.update({(entity, component): past[-1]} if past else {})
-    cleared = {
-        entity: t
-        for (entity, component), (t, _) in newest.items()
-        if component == "Clear:is_recursive"
-    }
-    return {
-        key: value
-        for key, (t, value) in newest.items()
-        if t > cleared.get(key[0], -1.0) and value != []
-    }
+            past = [row for row in history if row[0] <= seconds]
+            if past:
+                newest[entity, component] = past[-1]
+
+    cleared = {}
+    for (entity, component), (time, _) in newest.items():
+        if component == "Clear:is_recursive":
+            cleared[entity] = time
+
+    shown = {}
+    for (entity, component), (time, value) in newest.items():
+        if time > cleared.get(entity, -1.0) and value != []:
+            shown[entity, component] = value
+    return shown
 
 
 def seconds_of(recording: Path) -> float:
@@ -147,13 +152,11 @@ def seconds_of(recording: Path) -> float:
 
 
 def texts_in(path: Path) -> list[str]:
-    found: list[str] = []
+    """Return all texts of the log and of states."""
+    texts: list[str] = []
     for chunk in chunks(path):
         for row in chunk.to_record_batch().to_pylist():
             for name, values in row.items():
-                found += (
-                    [text for text in values or () if isinstance(text, str)]
-                    if name.startswith(("TextLog:", "State"))
-                    else []
-                )
-    return found
+                if name.startswith(("TextLog:", "State")):
+                    texts += [text for text in values or () if isinstance(text, str)]
+    return texts

@@ -125,7 +125,7 @@ def test_past_runs_are_listed_and_compared_side_by_side(listed):
 
     def times_in_the_list():
         shown = re.findall("[0-9]+:[0-9]+ min", listed.view("runs").text)
-        return [time for time in shown if time in times]
+        return [text for text in shown if text in times]
 
     listed.wait_until(lambda: times_in_the_list() == times, "runs sorted by their length")
 

@@ -14,7 +14,6 @@ from local_runs import SMALL
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 
-from orchard.bags import drives
 from orchard.bags.drives import RecordingError, ranges_of, read_drives
 from orchard.bags.export import chosen, export
 from orchard.bags.export_command import check_bag, export_bag, lacks
@@ -136,9 +135,8 @@ def test_the_robots_of_a_bag_are_chosen_by_name_or_kind(recorded):
 
 @pytest.mark.parametrize("rule", ["rows_to_pickers", "route"])
 def test_code_named_in_a_recording_is_not_imported(recorded, tmp_path, monkeypatch, rule):
-    monkeypatch.setattr(
-        drives, "_scenario_in", lambda *_: SMALL.model_copy(update={rule: "nowhere.Mine"})
-    )
+    scenario = SMALL.model_copy(update={rule: "nowhere.Mine"})
+    monkeypatch.setattr("orchard.bags.drives._scenario_in", lambda *_: scenario)
     export(read_drives(recorded[0]), ROBOTS, tmp_path / "run.mcap", lambda ticks, _: ticks)
     assert rule in read(tmp_path / "run.mcap")["/orchard/scenario"][0][1].data
 

@@ -313,12 +313,12 @@ def test_code_named_in_a_bag_is_imported_only_if_asked(tmp_path, key, value, nam
 
 def test_a_replay_that_has_ended_cannot_go_on_without_its_bag(tmp_path):
     path = written(tmp_path / "run.mcap", MOVES)
-    record = tmp_path / "replayed.rrd"
+    recording = tmp_path / "replayed.rrd"
     done = orchard(
-        "replay", path, "--rows", 3, "--mode", "local", "--record", record, "--duration", "1"
+        "replay", path, "--rows", 3, "--mode", "local", "--record", recording, "--duration", "1"
     )
     assert "To go on" not in done.stdout
-    assert "no usable snapshot" in orchard("--resume", record, "--mode", "local", code=2).stderr
+    assert "no usable snapshot" in orchard("--resume", recording, "--mode", "local", code=2).stderr
 
 
 def test_a_bag_of_another_orchard_is_refused_before_the_run(tmp_path):

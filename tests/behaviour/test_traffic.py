@@ -167,6 +167,10 @@ def test_a_harvest_among_people_ends_without_a_collision(rows, pickers, seed, ro
     stage.assert_no_collisions()
 
 
+# Of the scenarios that the soak draws.
+RANDOM_SEED = 20260
+
+
 @pytest.mark.soak
 @pytest.mark.parametrize("size", ["any", "large"])
 @pytest.mark.parametrize("number", range(200))
@@ -180,10 +184,6 @@ def test_soak_a_random_legal_scenario_delivers_all_bins(number, size):
     stage.run_to_the_end(seconds=3 * picking_seconds + 1200 * scenario.rows)
     assert stage.world.delivered == scenario.rows
     stage.assert_no_collisions()
-
-
-# Of the soak's scenarios.
-RANDOM_SEED = 20260
 
 
 def random_scenario(number: int) -> Scenario:

@@ -17,11 +17,10 @@ from patience import PATIENCE
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.launch.supervisor import free_port
-from orchard.net import bus
+from orchard.net import bus, zenoh_bus
 from orchard.net.bus import Inbox
 from orchard.net.refusals import Refusals
 from orchard.net.requests import ask
-from orchard.net.zenoh_bus import client, router
 
 # Two hosts whose agents and handlers of messages are slow.
 SLOW = pytest.param(2, "calling_agents:slow", marks=pytest.mark.processes)
@@ -260,7 +259,7 @@ def test_bins_and_physics_answer_questions(fleet):
 
 def test_a_query_that_meets_no_queryable_ends_without_a_reply():
     inbox = Inbox()
-    with router(inbox=inbox) as alone:
+    with zenoh_bus.router(inbox=inbox) as alone:
         for key in ("orchard/nobody/mail", "this//is no key"):
             alone.ask(key, b"", "ticket")
             assert inbox.take(5.0) == bus.Final("ticket")
@@ -274,7 +273,7 @@ def test_a_host_that_waits_for_an_answer_notes_that_physics_is_gone():
         if next(looks) == 3:
             raise TimeoutError("physics is gone")
 
-    with router() as silent, client(silent.endpoint) as asker:
+    with zenoh_bus.router() as silent, zenoh_bus.client(silent.endpoint) as asker:
         silent.answer("orchard/recall")
         with pytest.raises(TimeoutError, match="physics is gone"):
             ask(asker, "orchard/recall", b"", bytes, refusals=Refusals(), meanwhile=look)

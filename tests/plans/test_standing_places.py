@@ -30,8 +30,11 @@ F_ROAD = OneWay.F_ROAD
 FULL_BIN = OneWay.FULL_BIN
 STOP = OneWay.STOP
 WAITING = OneWay.WAITING
+# A rule by which all pickers begin in the east.
+FROM_THE_EAST = "examples.seams.from_the_east.from_the_east"
 # m, at the narrowest rows.
 PITCH = 5.5
+# rad.
 QUARTER = np.pi / 2
 
 
@@ -265,7 +268,6 @@ def orchards(draw: st.DrawFn) -> Scenario:
     )
 
 
-FROM_THE_EAST = "examples.seams.from_the_east.from_the_east"
 LARGEST = {"rows": 20, "pickers": 20, "carriers": 40}
 
 

@@ -15,6 +15,7 @@ from stage import empty_orchard
 
 from orchard.contract.events import Event
 from orchard.contract.messages import pack, unpack
+from orchard.field.kinds import KINDS
 from orchard.field.layout import lay_out
 from orchard.field.scenario import People, Scenario
 from orchard.local import Local
@@ -316,7 +317,9 @@ def test_a_violation_is_exit_code_1_and_in_the_summary(tmp_path):
         "--summary",
         "summary.json",
     ]
-    done = python("-c", program, *words, code=1, cwd=tmp_path, PYTHONPATH=PATH)
+    done = python(
+        "-c", program, *local, "--summary", "summary.json", code=1, cwd=tmp_path, PYTHONPATH=PATH
+    )
     assert "violated: tick 1: " in done.stderr
     assert "m are picked, but" in (tmp_path / "summary.json").read_text()
 

@@ -162,11 +162,11 @@ DAMAGES = [
 
 @pytest.mark.parametrize(("damage", "why"), DAMAGES)
 def test_a_bad_snapshot_is_refused_for_the_one_before(written, damage, why):
-    last = files(written)[-1]
-    last.write_bytes(damage(last.read_bytes()))
+    damaged = files(written)[-1]
+    damaged.write_bytes(damage(damaged.read_bytes()))
     refused: list[str] = []
     assert newest(written, refused).tick == 11
-    assert str(last) in refused[0]
+    assert str(damaged) in refused[0]
     assert why in refused[0]
 
 

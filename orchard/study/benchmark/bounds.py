@@ -1,12 +1,12 @@
 """What is proven of the harvests of an orchard, seed by seed, and the hidden split."""
 
-from collections.abc import Container
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, check, with_changes
 from orchard.study.benchmark.asked import hide_memory
-from orchard.study.benchmark.families import scenarios_of
 from orchard.study.benchmark.instances import Instance, instance_of
 from orchard.study.settings import Setting
 from orchard.study.workers import Workers
@@ -21,6 +21,12 @@ MOST_SMALL_ROWS = 12
 SHORTEST_SECRET = 16
 
 
+def seeds_of(scenario: Scenario) -> range:
+    """Return the seeds of an orchard: one if nothing in it is random."""
+    count = SEEDS if Setting({}, scenario).is_random else 1
+    return range(scenario.seed, scenario.seed + count)
+
+
 def bounds_of(scenario: Scenario) -> dict[int, float]:
     """Return what is proven with each seed, s."""
     # It loads the solver, which takes half a second.
@@ -29,8 +35,7 @@ def bounds_of(scenario: Scenario) -> dict[int, float]:
     proven = dict[int, float]()
     work = WORK if scenario.rows <= MOST_SMALL_ROWS else WORK_IN_LARGE
     rows_are_drawn = scenario.picking.spread.distribution != "none"
-    count = SEEDS if Setting({}, scenario).is_random else 1
-    for seed in range(scenario.seed, scenario.seed + count):
+    for seed in seeds_of(scenario):
         # A bound leaves failures out. So only the rows' times make one seed's another's.
         if rows_are_drawn or not proven:
             seeded = lay_out(with_changes(scenario, seed=seed))
@@ -57,20 +62,16 @@ def secret_of(path: Path) -> bytes:
     return secret
 
 
-def hidden_instances(
-    secret: bytes, workers: Workers, wanted: Container[str]
-) -> dict[str, Instance]:
-    """Return the orchards of the hidden split that a secret draws and that are wanted, by name.
+def hidden_instances(drawn: Mapping[str, dict[str, Any]], workers: Workers) -> dict[str, Instance]:
+    """Return the orchards of a hidden split by name. `drawn`: their scenarios.
 
     Their bounds are proven now, which takes long.
     """
-    drawn = scenarios_of("hidden", secret)
-    items = [(name, check(values, name)) for name, values in drawn.items() if name in wanted]
-    scenarios = [scenario for _, scenario in items]
+    scenarios = {name: check(values, name) for name, values in drawn.items()}
     proven = dict[int, dict[int, float]]()
-    for scenario, bounds in workers.do(_bounds_in_worker, scenarios, lambda: True):
+    for scenario, bounds in workers.do(_bounds_in_worker, [*scenarios.values()], lambda: True):
         proven[scenario.seed] = bounds
-    return {
-        name: instance_of(name, "hidden", drawn[name], proven[scenario.seed])
-        for name, scenario in items
-    }
+    known = {}
+    for name, scenario in scenarios.items():
+        known[name] = instance_of(name, "hidden", drawn[name], proven[scenario.seed])
+    return known

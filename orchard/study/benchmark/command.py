@@ -21,10 +21,11 @@ from orchard.report.summary import SUMMARY, write_if_wanted
 from orchard.study.benchmark.asked import Limits
 from orchard.study.benchmark.bounds import hidden_instances, secret_of
 from orchard.study.benchmark.confined import can_hide
-from orchard.study.benchmark.families import commitment, scenarios_of
+from orchard.study.benchmark.families import FAMILIES, commitment, name_of
 from orchard.study.benchmark.instances import Instance, instances
 from orchard.study.benchmark.scores import Benchmark, BenchmarkResult
 from orchard.study.benchmark.submission import Submission, problems_of, read_submission
+from orchard.study.benchmark.telling import hidden_scenarios
 from orchard.study.command_options import BenchmarkOptions
 from orchard.study.kinds_of_files import SUBMISSION
 from orchard.study.options import StudyOptions
@@ -160,9 +161,9 @@ def _known(chosen: BenchmarkOptions, workers: Workers) -> dict[str, Instance]:
         secret = secret_of(chosen.secret)
     except ValueError as error:
         raise SubmissionError(str(error)) from None
-    wanted = _wanted_names(chosen, scenarios_of("hidden", secret))
+    wanted = _wanted_names(chosen, [name_of(family, "hidden") for family in FAMILIES])
     print_line(f"The SHA-256 of this secret is {commitment(secret)}.")
-    return hidden_instances(secret, workers, wanted)
+    return hidden_instances(hidden_scenarios(secret, wanted, print_line), workers)
 
 
 def _wanted_names(chosen: BenchmarkOptions, known: Iterable[str]) -> list[str]:

@@ -1,7 +1,7 @@
 """The orchards of a split, drawn from a secret.
 
 Everybody knows the secrets of the public splits. That of the hidden split is the organiser's, who
-publishes it after the last submission. The same secret gives the same orchards.
+publishes it after the last submission. The same secret gives the same orchards: see `telling`.
 """
 
 import hashlib
@@ -158,14 +158,27 @@ FAMILIES: dict[str, dict[str, Any]] = {
 
 
 def scenarios_of(split: Split, secret: bytes) -> dict[str, dict[str, Any]]:
-    """Return the scenarios of a split by name, each with its first seed."""
+    """Return the scenarios of a split by name, each with its first seed: the first draws."""
     drawn = {}
-    for family, values in FAMILIES.items():
-        name = f"{family}-{split}"
-        chosen = _chosen(ALL | values, secret, name)
-        # Of 52 bits: every reader of JSON has such whole numbers.
-        chosen["seed"] = _number(secret, f"{name}, seed") >> 12
-        drawn[name] = chosen
+    for family in FAMILIES:
+        name = name_of(family, split)
+        drawn[name] = scenario_of(family, split, secret, 0)
+    return drawn
+
+
+def name_of(family: str, split: Split) -> str:
+    """Return the name of the orchard of a family and a split."""
+    return f"{family}-{split}"
+
+
+def scenario_of(family: str, split: Split, secret: bytes, again: int) -> dict[str, Any]:
+    """Return the scenario of a family that a secret draws, after it was drawn `again` so often."""
+    key = name_of(family, split)
+    if again > 0:
+        key = f"{key}, drawn again {again}"
+    drawn: dict[str, Any] = _chosen(ALL | FAMILIES[family], secret, key)
+    # Of 52 bits: every reader of JSON has such whole numbers.
+    drawn["seed"] = _number(secret, f"{key}, seed") >> 12
     return drawn
 
 

@@ -9,7 +9,9 @@ import pytest
 import second_reader
 
 from orchard.field.layout import lay_out
+from orchard.field.scenario import check
 from orchard.optimum.schedule import optimum
+from orchard.study.benchmark import telling
 from orchard.study.benchmark.bounds import hidden_instances, secret_of
 from orchard.study.benchmark.families import (
     FAMILIES,
@@ -20,12 +22,12 @@ from orchard.study.benchmark.families import (
 from orchard.study.benchmark.instances import SET, as_file, instance_of, instances
 from orchard.study.benchmark.search import searched
 from orchard.study.benchmark.submission import ROUNDING, replayed
+from orchard.study.benchmark.telling import EARLY, hidden_scenarios, tells_apart
 from orchard.study.settings import Setting
 from orchard.study.workers import Workers
 
 FOLDER = Path(str(files("orchard.study.benchmark"))) / SET
 MEASURED = Path(__file__).parents[3] / "docs" / "benchmark.json"
-EARLY = ("rolling", "predictive", "predictive-farthest")
 KNOWN = instances()
 QUIET = [name for name in KNOWN if not Setting({}, KNOWN[name].whole_scenario).is_random]
 # Nothing but bins is in a robot's way, and robots do nothing but harvest.
@@ -125,6 +127,29 @@ def test_a_secret_draws_a_split_that_nobody_knows(tmp_path):
         secret_of(file)
 
 
+# In what it draws first of this family all early policies do the same.
+TYING = (b"secret number 0 of the test", "load-out-hidden")
+
+
+def test_a_hidden_orchard_in_which_all_tie_is_drawn_again():
+    """It would tell nothing. Who has the secret draws the same again, and is told."""
+    secret, name = TYING
+    assert not tells_apart(check(scenarios_of("hidden", secret)[name], name))
+    told = []
+    drawn = hidden_scenarios(secret, [name], told.append)
+    assert drawn == hidden_scenarios(secret, [name], told.append)
+    assert tells_apart(check(drawn[name], name))
+    assert told[0] == told[1]
+    assert "load-out-hidden: all early policies did the same in the orchard that the s" in told[0]
+
+
+def test_an_orchard_that_always_ties_is_told(monkeypatch):
+    monkeypatch.setattr(telling, "tells_apart", lambda scenario: False)
+    told = []
+    assert [*hidden_scenarios(b"0123456789abcdef", ["tiny-hidden"], told.append)] == ["tiny-hidden"]
+    assert told == ["tiny-hidden: all early policies do the same in each of its 20 draws."]
+
+
 def test_the_hidden_split_has_bounds_where_wanted():
     """To prove them all takes minutes: no orchard is proven that nobody asks for."""
 
@@ -135,6 +160,7 @@ def test_the_hidden_split_has_bounds_where_wanted():
         def do(self, work, items, goes_on):
             return ((item, work(item)) for item in items)
 
-    (instance,) = hidden_instances(b"0123456789abcdef", Here(), ["tiny-hidden"]).values()
+    drawn = hidden_scenarios(b"0123456789abcdef", ["tiny-hidden"], lambda line: None)
+    (instance,) = hidden_instances(drawn, Here()).values()
     assert instance.split == "hidden"
     assert instance.draws[0].proven_seconds > 0.0

@@ -1,11 +1,11 @@
 """A second reader of the benchmark's instances: it imports nothing of the Orchard, and computes
 from the JSON alone how long a schedule takes.
 
-It is for two-way roads on which nobody stands in the way, and no robot fails or charges.
+It is for roads on which nobody stands in the way, and for robots that neither fail nor charge.
 """
 
 import json
-from collections import defaultdict
+from collections import Counter, defaultdict
 from heapq import heappop, heappush
 from pathlib import Path
 
@@ -34,6 +34,8 @@ class Reader:
         # Of each trailer, when it is back, and its bins.
         self.trailers = [[0, 0] for _ in range(instance["constants"].get("trailers", 0))]
         self.loaded = 0
+        # Of each place, and of the trailers, for how many ticks robots have waited there.
+        self.waited = Counter()
         for picker, jobs in self.jobs.items():
             self.come_out(picker, 0, jobs[0]["ready"])
         sent = dict.fromkeys(self.jobs, 0)
@@ -98,7 +100,9 @@ class Reader:
                 self.end = max(self.end, tick)
             elif kind == TRAILER:
                 # What comes after it is as much later.
-                robot["zero"] += max(0, self.next_trailer(tick)[0] - tick)
+                waits = max(0, self.next_trailer(tick)[0] - tick)
+                self.waited["trailer"] += waits
+                robot["zero"] += waits
             elif kind == LOADED:
                 self.load(tick)
             elif what in self.taken:
@@ -135,7 +139,9 @@ class Reader:
             self.taken.pop(place, None)
             return
         robot = waiting.pop(0)
-        robot["zero"] = tick - robot["events"][robot["next"] - 1][0]
+        came = robot["zero"] + robot["events"][robot["next"] - 1][0]
+        self.waited[place] += tick - came
+        robot["zero"] += tick - came
         self.count += 1
         heappush(self.heap, (tick, self.count, robot))
 

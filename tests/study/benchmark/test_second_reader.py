@@ -1,0 +1,87 @@
+"""The second reader of the benchmark's files, where robots wait: small orchards that are made so.
+
+In few orchards of the set a carrier waits for long, so those do not show whether it waits rightly.
+"""
+
+import json
+
+import pytest
+from msgspec.structs import replace
+from quiet import NOBODY
+from second_reader import TICK, Reader
+
+from orchard.field.layout import lay_out
+from orchard.field.scenario import check
+from orchard.study.benchmark.instances import KnownSchedule, as_file, instance_of, recorded
+from orchard.study.benchmark.play import built_in_harvest
+
+SEED = 7
+SMALL = NOBODY | {
+    "rows": 8,
+    "pickers": 4,
+    "carriers": 4,
+    "picking_speed": 0.5,
+    "row_length": 60.0,
+    "route": "two-way",
+    "rows_to_pickers": "balanced",
+    "seed": SEED,
+}
+FAR = {"metres": 400.0, "speed": 4.0, "seconds": 60.0}
+TWO_TRAILERS = {"load_out": FAR | {"trailers": {"count": 2, "bins": 2}}}
+# What an orchard has, where robots wait in it, and for how many s at least.
+WAITS = {
+    "one trailer of one bin": (
+        {"load_out": FAR | {"trailers": {"count": 1, "bins": 1}}},
+        {"trailer": 1000.0, "bay": 1000.0},
+    ),
+    "two trailers": (TWO_TRAILERS, {"trailer": 50.0, "bay": 100.0}),
+    "several bins a row, and trailers": (
+        TWO_TRAILERS | {"metres_per_bin": 20.0, "carriers": 3},
+        {"trailer": 200.0, "bay": 100.0, "west/F/4": 20.0},
+    ),
+    "several bins a row": ({"metres_per_bin": 20.0}, {"west/D/1": 50.0, "west/F/4": 50.0}),
+    "bins that are emptied slowly": (
+        {"handling": {"coupling": 5.0, "uncoupling": 5.0, "unloading": 90.0}},
+        {"bay": 500.0},
+    ),
+    "swift machines": (
+        {
+            "handling": {"unloading": 90.0},
+            "carrying": {"speed": 2.0},
+            "picking": {"driving_speed": 1.5},
+        },
+        {"bay": 500.0},
+    ),
+    "carriers that are early": (
+        {"rows": 4, "picking_speed": 0.2},
+        {"picker_01 0": 30.0, "east/D/1": 30.0},
+    ),
+    "carriers that drive to the load-out": (
+        {"load_out": {"metres": 200.0, "speed": 2.0, "seconds": 30.0}},
+        {"bay": 5.0, "west/D/1": 30.0},
+    ),
+    "rows that take unlike times": (
+        {"picking": {"spread": {"distribution": "gamma", "cv": 0.3}}},
+        {"west/F/6": 15.0},
+    ),
+    "one-way roads": ({"route": "one-way"}, {"west/F/8": 5.0, "west/F/6": 5.0}),
+}
+
+
+@pytest.mark.parametrize("name", WAITS)
+def test_another_program_lets_robots_wait_as_the_model(name):
+    """Its harvest is as long as that of the event model, within 1 %."""
+    more, waits = WAITS[name]
+    scenario = check(SMALL | more, name)
+    played = built_in_harvest(lay_out(scenario), "predictive")
+    assert played.seconds is not None
+    best = KnownSchedule(played.seconds, "predictive", True, recorded(played.decisions))
+    instance = instance_of("small-waits", "test", SMALL | more, {SEED: 1.0})
+    (draw,) = instance.draws
+    file = as_file(replace(instance, draws=[replace(draw, best=best)]))
+
+    reader = Reader(json.loads(file), 0)
+    assert reader.run() * TICK == pytest.approx(played.seconds, rel=0.01)
+    assert {
+        place for place, seconds in waits.items() if reader.waited[place] * TICK < seconds
+    } == set()

@@ -274,7 +274,10 @@ class CallsOfBins:
             # It was sent for, and hears that a tick later.
             self._order(picker, memory.carrier, memory.asked + ORDERED)
         elif booking is None or self._is_over(booking):
-            return
+            if not call.is_open and call.silent_since == c.NEVER:
+                # The dispatcher of a fork knows nothing, and hears of the bin when it reports next.
+                next_report = max(self._tick, memory.asked + CALL_AGAIN)
+                self._model.timers[c.REPORT, picker.number] = c.QUARTERS * next_report
         elif booking.is_answered:
             self._order(picker, booking.carrier, booking.told + HEARD)
             self._plan_order(picker, booking.told - REPORTED)

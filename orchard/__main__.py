@@ -33,7 +33,10 @@ def main() -> None:
     try:
         run_command()
     except SystemExit as end:
-        end_soon(end.code if isinstance(end.code, int) else FAILED, print_error)
+        code = FAILED
+        if isinstance(end.code, int):
+            code = end.code
+        end_soon(code, print_error)
         raise
 
 

@@ -25,7 +25,10 @@ def runs_folder(above: Path = ABOVE) -> Path:
     started. The installed package keeps them with the user's data, never where it is installed.
     """
     is_clone = (above / "run.py").is_file() and (above / "pyproject.toml").is_file()
-    own = above if is_clone else platformdirs.user_data_path("orchard", appauthor=False)
+    if is_clone:
+        own = above
+    else:
+        own = platformdirs.user_data_path("orchard", appauthor=False)
     return Path(os.environ.get(RUNS) or own / "runs").absolute()
 
 

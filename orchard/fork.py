@@ -180,7 +180,10 @@ def _too_many_carriers(before: Layout, after: Layout) -> dict[str, str]:
         if _queue_lines(larger) == _queue_lines(before):
             most = count
     is_by_carriers = after.scenario.queue_carriers == after.scenario.carrier_count
-    key = "carriers" if is_by_carriers else "queue_room"
+    if is_by_carriers:
+        key = "carriers"
+    else:
+        key = "queue_room"
     why = (
         "the lines of the queue would be others, "
         "and carriers are on their way to those that there are"
@@ -215,7 +218,7 @@ def _swapped(before: World, snapshot: Snapshot, after: Layout) -> Names:
 
     Raises NotNow if too few carriers wait in the queue to be taken away.
     """
-    carriers = [start.name for start in before.layout.starts if start.kind == "carrier"]
+    carriers = before.layout.names_of("carrier")
     count = len(carriers) - after.scenario.carrier_count
     if count <= 0:
         return {}
@@ -224,11 +227,11 @@ def _swapped(before: World, snapshot: Snapshot, after: Layout) -> Names:
         words = f"only {len(free)} of them wait in the queue with an empty bin at this moment"
         text = f"{count} cannot be taken away: {words}"
         raise NotNow([_problem(text, "carriers", after.scenario.carrier_count)])
-    names = before.layout.names
     leaving = free[-count:]
-    their_bins = [names[before.coupled[before.index[name]]] for name in leaving]
-    gone = [name for name in names if name not in after.index]
-    last_bins = sorted(name for name in gone if kind_of(name) == "bin")
+    bodies = [before.index[name] for name in leaving]
+    their_bins = before.layout.names_at(before.coupled[bodies].tolist())
+    bins = before.layout.names_of("bin")
+    last_bins = sorted(name for name in bins if name not in after.index)
     return _pairs(leaving, carriers[-count:]) | _pairs(their_bins, last_bins)
 
 
@@ -248,8 +251,12 @@ def _remembered(memory: bytes | None) -> Mapping[str, Any]:
 
     There are none before its first tick, or if an own class remembers something else.
     """
-    fields = unpack(memory, Any) if memory else None
-    return fields if isinstance(fields, dict) else {}
+    if not memory:
+        return {}
+    fields = unpack(memory, Any)
+    if isinstance(fields, dict):
+        return fields
+    return {}
 
 
 def _places(
@@ -259,7 +266,7 @@ def _places(
 
     It is what it was until now, or the first free one.
     """
-    carriers = [name for name in after.names if kind_of(name) == "carrier"]
+    carriers = after.names_of("carrier")
     places = {}
     added = []
     for name in carriers:
@@ -276,13 +283,16 @@ def _places(
 
 def _pairs(some: Sequence[str], others: Sequence[str]) -> dict[str, str]:
     """Return each name that is only in one of both sequences, with its partner."""
-    only_some = [name for name in some if name not in others]
-    only_others = [name for name in others if name not in some]
     pairs = {}
-    for name, other in zip(only_some, only_others, strict=True):
-        pairs[name] = other
-        pairs[other] = name
+    for name, partner in zip(_without(some, others), _without(others, some), strict=True):
+        pairs[name] = partner
+        pairs[partner] = name
     return pairs
+
+
+def _without(names: Sequence[str], others: Sequence[str]) -> list[str]:
+    """Return the names that are not among the others, in their order."""
+    return [name for name in names if name not in others]
 
 
 def _renamed(data: Any, swapped: Names) -> Any:
@@ -307,11 +317,16 @@ def _world(before: World, world: World, swapped: Names, places: Mapping[str, int
 
     `places`: carrier -> its place in the queue, from 1.
     """
-    old_names = {name: swapped.get(name, name) for name in world.index}
-    kept = [name for name, old_name in old_names.items() if old_name in before.index]
-    added = [name for name in world.index if name not in kept]
-    old_bodies = [before.index[old_names[name]] for name in kept]
-    new_bodies = [world.index[name] for name in kept]
+    old_bodies = []
+    new_bodies = []
+    added = []
+    for name, body in world.index.items():
+        old_name = swapped.get(name, name)
+        if old_name in before.index:
+            old_bodies.append(before.index[old_name])
+            new_bodies.append(body)
+        else:
+            added.append(name)
     _take_over(before, world, old_bodies, new_bodies)
     for name in added:
         if kind_of(name) == "carrier":
@@ -410,7 +425,9 @@ def _memories(
     if _dispatches_otherwise(before, after):
         staying.pop(DISPATCH, None)
     has_other_classes = before.scenario.own_classes != after.scenario.own_classes
-    may_begin_anew = new_agents if has_other_classes else elsewhere
+    may_begin_anew = elsewhere
+    if has_other_classes:
+        may_begin_anew = new_agents
     going_on: dict[str, bytes | None] = _begun_carriers(new_agents, places)
     for name, remembered in _fitting(staying, new_agents, may_begin_anew).items():
         if name in places and isinstance(remembered, CarrierMemory):
@@ -418,7 +435,9 @@ def _memories(
         is_replanned = staying[name] is not None and _replan(
             remembered, old_agents[name].agent, new_agents[name].agent
         )
-        going_on[name] = pack(remembered) if is_replanned else staying[name]
+        going_on[name] = staying[name]
+        if is_replanned:
+            going_on[name] = pack(remembered)
     return going_on
 
 

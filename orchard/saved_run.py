@@ -29,9 +29,11 @@ def snapshot_of(
 
     `agents`: the names of those that are hosted. `memories`: agent -> its memory.
     """
-    packed = {}
+    packed: dict[str, bytes | None] = {}
     for name, memory in memories.items():
-        packed[name] = None if memory is None else pack(memory)
+        packed[name] = None
+        if memory is not None:
+            packed[name] = pack(memory)
     return Snapshot(
         run="",
         scenario=engine.scenario.model_dump(),

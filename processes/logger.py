@@ -38,7 +38,10 @@ def main(argv: list[str] | None = None) -> int:
 
 def _run(inbox: Inbox, options: LoggerOptions) -> int:
     """Record over Zenoh. Return the exit code."""
-    part = None if options.record is None else Path(options.record)
+    if options.record is None:
+        part = None
+    else:
+        part = Path(options.record)
     if part is not None:
         check_recording(part)
     identity = identity_in(options.secure, options.prefix)

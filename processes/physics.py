@@ -100,8 +100,10 @@ def _simulate_once(
     from orchard.sim.engine import Engine
     from orchard.sim.lookahead import HOLDS, IgnoredHolds
 
-    # In realtime all agents are asked at each tick.
-    holds = IgnoredHolds if options.mode == "realtime" else HOLDS[options.holds]
+    holds = HOLDS[options.holds]
+    if options.mode == "realtime":
+        # In realtime all agents are asked at each tick.
+        holds = IgnoredHolds
     if before is None:
         engine = Engine.begin(check(options.scenario, "the scenario"), holds)
     else:
@@ -114,7 +116,10 @@ def _simulate_once(
         # A host may not know a scenario that physics, killed at once, would not begin with again.
         physics.run.keep_at_once()
     physics.arrivals.listen()
-    where = "connected to" if options.connect else "listening on"
+    if options.connect:
+        where = "connected to"
+    else:
+        where = "listening on"
     print(f"{where} {bus.endpoint}, prefix {keys.prefix}, run {physics.run.id}", flush=True)
     end = physics.play(lambda: ready(physics))
     _print_end(end)

@@ -26,11 +26,11 @@ def course_of(history: History, scenario: Scenario, since: float = 0.0) -> Cours
     """
 
     def points(values: Iterable[float]) -> Points:
-        return [
-            [round(seconds / 60.0, 2), round(value, 1)]
-            for seconds, value in zip(history["seconds"], values, strict=True)
-            if seconds > since
-        ]
+        shown = []
+        for seconds, value in zip(history["seconds"], values, strict=True):
+            if seconds > since:
+                shown.append([round(seconds / 60.0, 2), round(value, 1)])
+        return shown
 
     waited = shares(history, "pickers_waited_seconds", scenario.pickers)
     busy = shares(history, "carriers_busy_seconds", scenario.carrier_count)
@@ -84,11 +84,10 @@ class Charts:
         marked_moments = MARK | {"data": [{"xAxis": round(at / 60.0, 2)} for at in marks]}
         for title, (box, chart) in self._charts.items():
             # A run has the same number here as in the legend, and so the same colour.
-            series = [
-                _line(name, course[title], STEPS[title], number)
-                for number, (name, course) in enumerate(courses.items())
-                if course[title]
-            ]
+            series = []
+            for number, (name, course) in enumerate(courses.items()):
+                if course[title]:
+                    series.append(_line(name, course[title], STEPS[title], number))
             box.set_visibility(bool(series))
             marks_only = {"type": "line", "data": [], "markLine": marked_moments}
             chart.options["series"] = [*series, marks_only]

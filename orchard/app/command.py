@@ -169,10 +169,14 @@ class PageCommand:
     def state(self) -> RunState:
         """The present state. Read it first: if the command is over, all else is final."""
         if not self.is_over:
-            return RunState.stopping if self.asked_to_stop else RunState.running
+            if self.asked_to_stop:
+                return RunState.stopping
+            return RunState.running
         if self._process.returncode == 0 and self.is_complete:
             return RunState.finished
-        return RunState.stopped if self.asked_to_stop else RunState.failed
+        if self.asked_to_stop:
+            return RunState.stopped
+        return RunState.failed
 
     def stop(self) -> None:
         """Ask the command to end.

@@ -44,4 +44,6 @@ def _rate_words(scenario: Scenario) -> str:
 def _number(number: float) -> str:
     """Return a number with a few digits: 4.05, 0.00925, 1,250."""
     digits = f"{number:.{FIGURES}g}"
-    return f"{number:,.0f}" if "e" in digits and number >= 1.0 else digits
+    if "e" in digits and number >= 1.0:
+        return f"{number:,.0f}"
+    return digits

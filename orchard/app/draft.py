@@ -105,10 +105,9 @@ class Draft:
 
         By the key of the scenario, or the agent, that names them.
         """
+        own_classes = self._base.own_classes
         return {
-            key: path
-            for key, path in self._base.own_classes.items()
-            if self.values.get(key, path) == path
+            key: path for key, path in own_classes.items() if self.values.get(key, path) == path
         }
 
     def drop_classes(self) -> None:
@@ -155,7 +154,9 @@ class Draft:
         try:
             with_changes(self._base, **self.values | {path: value})
         except ScenarioError as error:
-            return all(problem.path != path for problem in error.problems)
+            for problem in error.problems:
+                if problem.path == path:
+                    return False
         return True
 
     def _foreign_rules(self) -> dict[str, str]:
@@ -206,7 +207,9 @@ class Draft:
 
     def _shown(self, path: str) -> str:
         """Return a value of the draft as words, in the measure of the page."""
-        return words_of(path, self.values[path]) if path in self.values else "set"
+        if path not in self.values:
+            return "set"
+        return words_of(path, self.values[path])
 
 
 def _entry_of(path: str) -> str:
@@ -222,7 +225,9 @@ def _entry_of(path: str) -> str:
 
 def counted_fields(number: int) -> str:
     """Return the subject of a sentence on fields: "1 field has", "2 fields have"."""
-    return "1 field has" if number == 1 else f"{number} fields have"
+    if number == 1:
+        return "1 field has"
+    return f"{number} fields have"
 
 
 def _by_labels(text: str, paths: Sequence[str]) -> str:

@@ -168,6 +168,8 @@ def while_alive(method: Callable[..., Any]) -> Callable[..., Any]:
     # `*arguments`.
     def call(event: Any) -> Any:
         living_method = reference()
-        return None if living_method is None else living_method(event)
+        if living_method is None:
+            return None
+        return living_method(event)
 
     return call

@@ -155,7 +155,9 @@ class Entry:
         if self.path in UNITS:
             return UNITS[self.path]
         match = re.search(r", (m/s|m|s|bins/h|t/ha|kg|degrees/s)(?=[;,]|$)", self.words)
-        return match.group(1) if match else ""
+        if not match:
+            return ""
+        return match.group(1)
 
     @property
     def step(self) -> float:
@@ -231,12 +233,16 @@ class Entry:
     def to_page(self, value: Any) -> Any:
         """Return a value of the scenario in the measure of the page. What is no number stays."""
         is_measured = self.path in MEASURES and isinstance(value, int | float)
-        return MEASURES[self.path].to_page(value) if is_measured else value
+        if is_measured:
+            return MEASURES[self.path].to_page(value)
+        return value
 
     def from_page(self, value: Any) -> Any:
         """Return a value of the page in the measure of the scenario. What is no number stays."""
         is_measured = self.path in MEASURES and isinstance(value, int | float)
-        return MEASURES[self.path].from_page(value) if is_measured else value
+        if is_measured:
+            return MEASURES[self.path].from_page(value)
+        return value
 
 
 @cache
@@ -260,7 +266,9 @@ def entries(model: type[BaseModel] = Scenario, before: str = "") -> dict[str, En
 
 def label_of(path: str) -> str:
     """Return the label of an entry; of anything else in a scenario, such as a class, its path."""
-    return entries()[path].label if path in entries() else path
+    if path in entries():
+        return entries()[path].label
+    return path
 
 
 def _kinds_of(field: FieldInfo) -> tuple[Any, ...]:
@@ -271,8 +279,9 @@ def _kinds_of(field: FieldInfo) -> tuple[Any, ...]:
 def _section_of(field: FieldInfo) -> type[BaseModel] | None:
     """Return the section that stands at a field; None for a value."""
     kind = _kinds_of(field)[0]
-    is_section = isinstance(kind, type) and issubclass(kind, BaseModel)
-    return kind if is_section else None
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        return kind
+    return None
 
 
 def _entry_of(path: str, field: FieldInfo) -> Entry:
@@ -313,5 +322,7 @@ def words_of(path: str, value: Any) -> str:
     if isinstance(value, str):
         return value
     if isinstance(value, bool):
-        return "on" if value else "off"
+        if value:
+            return "on"
+        return "off"
     return shown(entries()[path].to_page(value))

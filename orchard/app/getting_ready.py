@@ -13,7 +13,9 @@ def getting_ready_words(lines: Sequence[str], compiled: int) -> str:
     parts = [*dict.fromkeys([*lines[:1], *lines[-1:]])]
     if any(COMPILING in line for line in lines):
         parts.append(f"{compiled} parts are compiled")
-    return f"starting: {'; '.join(parts)}" if parts else "starting"
+    if not parts:
+        return "starting"
+    return f"starting: {'; '.join(parts)}"
 
 
 def compiled_count() -> int:

@@ -62,16 +62,18 @@ class RunSettings:
     @cached_property
     def problems(self) -> dict[str, str]:
         """What is wrong with the settings, by name."""
-        problems = {}
+        found = {}
         if not self.is_fastest:
-            problems["speed"] = self._speed_problem()
+            found["speed"] = self._speed_problem()
         if not self.is_whole_harvest:
-            problems["duration"] = number_problem(
+            found["duration"] = number_problem(
                 self.duration, DURATIONS, also="; empty: the whole harvest"
             )
-        return {
-            name: f"{SETTINGS[name]}: {problem}" for name, problem in problems.items() if problem
-        }
+        problems = {}
+        for name, problem in found.items():
+            if problem:
+                problems[name] = f"{SETTINGS[name]}: {problem}"
+        return problems
 
     def _speed_problem(self) -> str:
         advice = "; 1 is real time"
@@ -171,7 +173,9 @@ class HarvestCommand(PageCommand):
         """The present state. A run that ended before its harvest was done was cut short."""
         state = super().state
         is_whole = self.summary is None or bool(self.summary["finished"])
-        return RunState.cut if state is RunState.finished and not is_whole else state
+        if state is RunState.finished and not is_whole:
+            return RunState.cut
+        return state
 
     @property
     def is_complete(self) -> bool:

@@ -27,11 +27,11 @@ def from_elsewhere(classes: dict[str, str], folder: Path) -> list[str]:
 
     `classes`: key of the scenario -> dotted path of the class. No module is run.
     """
-    return [
-        f"{key}: {path} is not in {folder}, where this page was started"
-        for key, path in classes.items()
-        if not _is_in(path, folder)
-    ]
+    sentences = []
+    for key, path in classes.items():
+        if not _is_in(path, folder):
+            sentences.append(f"{key}: {path} is not in {folder}, where this page was started")
+    return sentences
 
 
 def _is_in(path: str, folder: Path) -> bool:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -68,7 +69,9 @@ class PastRun:
     def since(self) -> str:
         """From which moment on it is a fork: from 2:30; '' if it is none."""
         fork_point = self.record.forked_from
-        return f"from {moment(fork_point.seconds)}" if fork_point.run else ""
+        if fork_point.run:
+            return f"from {moment(fork_point.seconds)}"
+        return ""
 
     @property
     def end(self) -> str:
@@ -190,7 +193,7 @@ def differences(scenarios: Sequence[Scenario]) -> dict[str, list[str]]:
     """
     values = [flat(scenario) | scenario.own_classes for scenario in scenarios]
     # In the order of the first scenario that has each.
-    paths = dict.fromkeys(path for of_scenario in values for path in of_scenario)
+    paths = dict.fromkeys(chain.from_iterable(values))
     result = {}
     for path in paths:
         words = [_words_in(of_scenario, path) for of_scenario in values]

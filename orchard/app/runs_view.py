@@ -151,7 +151,9 @@ class RunsView:
 def _name(past: PastRun) -> str:
     """Return a run as the comparison names it: when it ended, and from when on it is a fork."""
     ended = f"{past.ended:%d %b %H:%M:%S}"
-    return f"{ended}, {past.since}" if past.since else ended
+    if past.since:
+        return f"{ended}, {past.since}"
+    return ended
 
 
 def _row(lineage: list[PastRun]) -> dict[str, str]:
@@ -177,6 +179,7 @@ def _lines(chosen: list[PastRun], comparison: SideBySide) -> list[list[str]]:
     if len(set(modes)) > 1:
         cells["Mode"] = modes
     cells["Ended"] = [past.end for past in chosen]
+    lines = [[name, *values] for name, values in cells.items()]
     for name in comparison.figures[0]:
-        cells[name] = [figures[name] for figures in comparison.figures]
-    return [[name, *values] for name, values in cells.items()]
+        lines.append([name, *(figures[name] for figures in comparison.figures)])
+    return lines

@@ -54,7 +54,9 @@ class StudySettings:
         if not self.has_deadline:
             return ""
         problem = self._problem_of_deadline()
-        return f"{DEADLINE_LABEL}: {problem}" if problem else ""
+        if not problem:
+            return ""
+        return f"{DEADLINE_LABEL}: {problem}"
 
     def problem_with(self, scenario: Scenario) -> str:
         """Return what is wrong, by itself or with the scenario that is asked; '' if nothing is."""

@@ -40,7 +40,9 @@ def with_point(text: str) -> str:
     '0.5'
     """
     number = number_of(text)
-    return number if isinstance(number, str) else shown(number)
+    if isinstance(number, str):
+        return number
+    return shown(number)
 
 
 def meanings_of(text: object) -> list[str]:

@@ -76,7 +76,9 @@ def _fraction(headline: Headline | None, state: RunState) -> float:
     """Return how much of a run is done, 0 to 1."""
     if state is RunState.finished:
         return 1.0
-    return 0.0 if headline is None else headline.fraction
+    if headline is None:
+        return 0.0
+    return headline.fraction
 
 
 def _progress(headline: Headline, state: RunState) -> str:

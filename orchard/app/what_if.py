@@ -15,7 +15,7 @@ from orchard.app.control import Control
 from orchard.app.draft import Draft
 from orchard.app.elements import button, heading, several
 from orchard.app.entries import entries, flat
-from orchard.field.kinds import KINDS, kind_of
+from orchard.field.kinds import ROBOTS
 from orchard.field.layout import lay_out
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.sim.snapshot import ticks_of
@@ -74,7 +74,7 @@ def what_if(
         controls = {path: Control(entries()[path], draft, f"{where}fork-") for path in CHANGING}
         with ui.element("div").classes("field"):
             ui.label("Stop").classes("field-label")
-            robots = [name for name in lay_out(scenario).names if KINDS[kind_of(name)].robot]
+            robots = lay_out(scenario).names_of(*ROBOTS)
             stop = several(robots, [], f"{where}fork-stop", "Robots that stand from then on")
     for path, control in controls.items():
         control.show(draft.values[path])
@@ -113,11 +113,11 @@ def _time_line(kept: list[float], end: int, where: str) -> ui.slider:
 
 def _changes(scenario: Scenario, draft: Draft) -> list[str]:
     """Return what is entered in a draft that a scenario has not, as options of `orchard fork`."""
-    return [
-        f"--set={path}={msgspec.json.encode(draft.values[path]).decode()}"
-        for path, value in flat(scenario).items()
-        if draft.values[path] != value
-    ]
+    changes = []
+    for path, value in flat(scenario).items():
+        if draft.values[path] != value:
+            changes.append(f"--set={path}={msgspec.json.encode(draft.values[path]).decode()}")
+    return changes
 
 
 def _until(history: History, seconds: float) -> History:

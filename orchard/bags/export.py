@@ -159,9 +159,10 @@ def _tick(
     velocities: Mapping[str, Velocities],
     robots: Sequence[str],
 ) -> None:
-    states = {
-        name: (*poses[name], *velocities.get(name, STILL)[:3]) for name in robots if name in poses
-    }
+    states = {}
+    for name in robots:
+        if name in poses:
+            states[name] = (*poses[name], *velocities.get(name, STILL)[:3])
     bag.write(topics.CLOCK, "", tick, messages.clock(tick))
     bag.write(topics.TF, "", tick, messages.transforms(tick, states))
     for name, state in states.items():

@@ -65,10 +65,11 @@ class Replayed:
 def replayed(agents: Mapping[str, Agent], commands: Commands) -> dict[str, Agent]:
     """Return the agents, those of the bag's robots with the bag's velocities."""
     known = commands.velocities
-    return {
-        name: Replayed(agent, known[name]) if name in known else agent
-        for name, agent in agents.items()
-    }
+    replaced = dict(agents)
+    for name in known:
+        if name in agents:
+            replaced[name] = Replayed(agents[name], known[name])
+    return replaced
 
 
 def read_commands(bag: Path, from_first_stamp: bool = False) -> Commands:
@@ -188,8 +189,9 @@ def _stamp_of(message: Any, time: int) -> int:
 
 def _twist_of(message: Any, where: str) -> Twist:
     """Return a velocity. Raises ValueError for one that no robot can have."""
-    given = getattr(message, "twist", message)
-    twist = Twist(given.linear.x, given.linear.y, given.angular.z)
+    # A message with a stamp has its velocity in `twist`; another one is the velocity.
+    velocity = getattr(message, "twist", message)
+    twist = Twist(velocity.linear.x, velocity.linear.y, velocity.angular.z)
     if not all(math.isfinite(part) and abs(part) <= FASTEST for part in twist):
         raise ValueError(
             f"{where}: a velocity of {tuple(twist)}; expected numbers from {-FASTEST:g} to"

@@ -67,10 +67,10 @@ def print_bound(chosen: BoundOptions) -> None:
     if chosen.summary is not None:
         check_writable(chosen.summary, chosen.scenario, SUMMARY)
     rules = ROW_RULES if chosen.all_rules else (scenario.rows_to_pickers,)
-    optima = {
-        rule: optimum(lay_out(with_changes(scenario, rows_to_pickers=rule)), chosen.work)
-        for rule in rules
-    }
+    optima = {}
+    for rule in rules:
+        layout = lay_out(with_changes(scenario, rows_to_pickers=rule))
+        optima[rule] = optimum(layout, chosen.work)
     for rule, solved in optima.items():
         print_line(f"{rule} rows: {_optimum_words(solved)}")
     proven = min(solved.proven_seconds for solved in optima.values())

@@ -136,7 +136,9 @@ def _sizes(scenario: Scenario) -> str:
     gaps = [following.south - row.south for row, following in pairwise(survey.rows)]
     ground = lay_out(scenario)
     numbers = range(1, len(lengths) + 1)
-    beyond = [ground.beyond(number, side) for number in numbers for side in ("west", "east")]
+    beyond = []
+    for number in numbers:
+        beyond += [ground.beyond(number, "west"), ground.beyond(number, "east")]
     return (
         f"{len(lengths)} rows, {min(lengths):.2f} to {max(lengths):.2f} m long, "
         f"{min(gaps):.2f} to {max(gaps):.2f} m apart; "

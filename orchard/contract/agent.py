@@ -284,7 +284,9 @@ def state_of(action: Action) -> State:
     """
     if action.state is not None:
         return action.state
-    return "resting" if action.twist == STILL else "driving"
+    if action.twist == STILL:
+        return "resting"
+    return "driving"
 
 
 class Agent(Protocol):

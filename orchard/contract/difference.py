@@ -24,9 +24,7 @@ def difference(before: Any, after: Any, where: str) -> str:
         return ""
     parts_before = parts_of(before, where)
     parts_after = parts_of(after, where)
-    places_before = [place for place, _ in parts_before]
-    places_after = [place for place, _ in parts_after]
-    if type(before) is type(after) and places_before == places_after:
+    if type(before) is type(after) and _places(parts_before) == _places(parts_after):
         for (place, old), (_, new) in zip(parts_before, parts_after, strict=True):
             if words := difference(old, new, place):
                 return words
@@ -66,6 +64,10 @@ def parts_of(data: Any, where: str) -> list[tuple[str, Any]]:
     return [(f"{where}.{name}", getattr(data, name)) for name in _names_in(data)]
 
 
+def _places(parts: list[tuple[str, Any]]) -> list[str]:
+    return [place for place, _ in parts]
+
+
 def _names_in(data: Any) -> list[str]:
     """Return the names of the fields of a Struct or dataclass; of other data none."""
     if isinstance(data, msgspec.Struct):
@@ -75,7 +77,11 @@ def _names_in(data: Any) -> list[str]:
     return []
 
 
-def _shown(value: Any, other: Any) -> str:
-    """Return a value as text, with its type if that is not the other's."""
-    text = repr(value) if type(value) is type(other) else f"{type(value).__name__} {value!r}"
-    return text if len(text) <= SHOWN else text[: SHOWN - 3] + "..."
+def _shown(value: Any, beside: Any) -> str:
+    """Return a value as text, with its type if the value beside it has another one."""
+    text = repr(value)
+    if type(value) is not type(beside):
+        text = f"{type(value).__name__} {value!r}"
+    if len(text) <= SHOWN:
+        return text
+    return text[: SHOWN - 3] + "..."

@@ -124,11 +124,13 @@ class Frame:
 
 def merged(old: Frame, new: Frame) -> Frame:
     """Return one frame for two: the newer one, with the other changes of the older one."""
-    kept = {name: getattr(old, name) for name in SELDOM if getattr(new, name) is None}
-    news: dict[str, Any] = {
-        name: {**getattr(old, name), **getattr(new, name)}
-        for name in ("doing", "states", "velocities", "charges")
-    }
+    kept: dict[str, Any] = {}
+    for name in SELDOM:
+        if getattr(new, name) is None:
+            kept[name] = getattr(old, name)
+    news: dict[str, Any] = {}
+    for name in ("doing", "states", "velocities", "charges"):
+        news[name] = {**getattr(old, name), **getattr(new, name)}
     news |= {"events": [*old.events, *new.events], "is_whole": old.is_whole or new.is_whole}
     return replace(new, left_out=old.left_out + new.left_out + 1, **news, **kept)
 
@@ -140,18 +142,19 @@ def talk_of(tick: int, letters: Mapping[str, Written]) -> list[LetterEvent]:
     """Return the messages that agents sent at a tick as events, printable. `letters`: sender -> its
     letters.
     """
-    said = [(sender, to, body) for sender, written in letters.items() for to, body in written.sent]
-    return [
-        LetterEvent(
-            tick=tick,
-            what=type_of(body),
-            who=sender,
-            whom=printable(to),
-            detail=printable(_said(body)),
-            content=as_json(body),
-        )
-        for sender, to, body in said
-    ]
+    events = []
+    for sender, written in letters.items():
+        for to, body in written.sent:
+            event = LetterEvent(
+                tick=tick,
+                what=type_of(body),
+                who=sender,
+                whom=printable(to),
+                detail=printable(_said(body)),
+                content=as_json(body),
+            )
+            events.append(event)
+    return events
 
 
 _WORDS: dict[type, str] = {

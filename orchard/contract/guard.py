@@ -96,7 +96,9 @@ class Guard:
             if not self._failed:
                 self._log_error(observation.tick)
             self._failed = True
-            action = _standing(memory if self._trusted else self._unpacked_memory())
+            if not self._trusted:
+                memory = self._unpacked_memory()
+            action = _standing(memory)
         self._memory = action.memory
         return action
 
@@ -114,7 +116,9 @@ class Guard:
     @property
     def packed(self) -> bytes | None:
         """The memory in its last action, as msgpack."""
-        return _packed_or_none(self._memory) if self._trusted else self._packed
+        if self._trusted:
+            return _packed_or_none(self._memory)
+        return self._packed
 
     def check(self) -> None:
         """From now on, check whether the agent is repeatable, unless it is built in."""
@@ -126,7 +130,7 @@ class Guard:
         action: Action = self.agent.tick(observation, mail, memory)
         self._checked_twist(action.twist)
         if action.requests:
-            self._refuse_addresses([to for to, _ in action.requests])
+            self._refuse_addresses(action.requests)
         return action
 
     def _action(self, observation: Observation, mail: Mail, memory: Any) -> Action:
@@ -237,16 +241,16 @@ class Guard:
         _refuse_more("requests", len(requests), limits.MOST_REQUESTS)
         own_deeds = [_of_kind(deed, Deed) for deed in deeds]
         own_requests = [(to, _of_kind(self._custom(body), Request)) for to, body in requests]
-        own_answers = [
-            Given(heard.sender, heard.tick, heard.number, _of_kind(self._custom(body), Answer))
-            for heard, body in answers
-        ]
+        own_answers = []
+        for heard, body in answers:
+            own_body = _of_kind(self._custom(body), Answer)
+            own_answers.append(Given(heard.sender, heard.tick, heard.number, own_body))
         packed = _packed(
             (own_deeds, Written(own_requests, own_answers)), "its deeds and messages take"
         )
         unpacked: tuple[list[Deed], Written] = unpack(packed, tuple[list[Deed], Written])
         sound_deeds, letters = unpacked
-        self._refuse_addresses([to for to, _ in letters.requests])
+        self._refuse_addresses(letters.requests)
         _refuse_depth([body for _, body in letters.requests])
         _refuse_depth([body for *_, body in letters.answers])
         sound_answers = []
@@ -254,9 +258,9 @@ class Guard:
             sound_answers.append((Heard(to, tick, number, heard.body), body))
         return sound_deeds, letters.requests, sound_answers
 
-    def _refuse_addresses(self, recipients: Sequence[str]) -> None:
+    def _refuse_addresses(self, requests: Sequence[tuple[str, Request]]) -> None:
         """Raise ValueError for requests without a recipient, or too many to one agent."""
-        for to, count in Counter(recipients).items():
+        for to, count in Counter(to for to, _ in requests).items():
             if to not in self._names:
                 raise ValueError(f"a request to {printable(to)!r}: no agent has that name")
             _refuse_more(f"requests to {to}", count, limits.MOST_TO_ONE)
@@ -365,7 +369,9 @@ def _own_messages(agent: Any) -> tuple[type[AgentMessage], ...]:
 
 
 def _packed_or_none(memory: Any) -> bytes | None:
-    return None if memory is None else pack(memory)
+    if memory is None:
+        return None
+    return pack(memory)
 
 
 def _packed(data: Any, subject: str) -> bytes:

@@ -272,7 +272,10 @@ class Written(msgspec.Struct, forbid_unknown_fields=True):
     @property
     def sent(self) -> list[tuple[str, Request | Answer]]:
         """The recipient and the body of each."""
-        return [*self.requests, *((given.to, given.body) for given in self.answers)]
+        sent: list[tuple[str, Request | Answer]] = [*self.requests]
+        for answer in self.answers:
+            sent.append((answer.to, answer.body))
+        return sent
 
 
 # -- bytes

@@ -37,7 +37,8 @@ class Zone(NamedTuple):
 def beams(laser: Laser) -> tuple[np.ndarray, np.ndarray]:
     """Return cosine and sine of each beam's angle to the front, (beams,) each."""
     pairs = [repeatable.sin_cos(laser.first + i * laser.increment) for i in range(laser.beams)]
-    return np.array([c for _, c in pairs]), np.array([s for s, _ in pairs])
+    sines, cosines = np.array(pairs).T.copy()
+    return cosines, sines
 
 
 # There are a few zones for each kind of body. Warnings are off, whatever a user's program sets.

@@ -82,7 +82,9 @@ class Rolling(Predictive):
         """
         is_known = self.layout.scenario.route in ROUTES and not self.layout.is_picked_again
         plans = is_known and len(self.layout.blocks) <= MOST_PICKERS
-        return courses_of(self.layout) if plans else {}
+        if not plans:
+            return {}
+        return courses_of(self.layout)
 
     @cached_property
     def starts(self) -> dict[str, NextBin]:
@@ -220,4 +222,6 @@ class Rolling(Predictive):
         plan = plan.fork()
         plan.send(report.picker, line, plan.now)
         plan.run(inf)
-        return plan.end + WAIT * plan.waited if plan.is_over else inf
+        if plan.is_over:
+            return plan.end + WAIT * plan.waited
+        return inf

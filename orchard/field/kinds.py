@@ -210,11 +210,11 @@ def select_agents(
     first, _, of = share.partition("/")
     if not (first.isdecimal() and of.isdecimal() and int(first) < int(of)):
         raise ValueError(f"share {share}: must be I/N, with I from 0 to N - 1")
-    selected = [
-        name
-        for name in names
-        if (not only or _is_meant(name, only)) and not _is_meant(name, without)
-    ]
+    selected = []
+    for name in names:
+        is_selected = not only or _is_meant(name, only)
+        if is_selected and not _is_meant(name, without):
+            selected.append(name)
     return selected[int(first) :: int(of)]
 
 

@@ -479,9 +479,9 @@ def _alike(scenario: Scenario, speeds: Mapping[int, float]) -> Rows:
             width=scenario.row_width,
         )
         lanes.append(lane)
-    lines = [
-        TreeLine(top - i * pitch, ROW_WEST, ROW_WEST + length) for i in range(scenario.rows + 1)
-    ]
+    lines = []
+    for number in range(scenario.rows + 1):
+        lines.append(TreeLine(top - number * pitch, ROW_WEST, ROW_WEST + length))
     return tuple(lanes), tuple(lines)
 
 
@@ -491,14 +491,9 @@ def _surveyed(survey: Survey, speeds: Mapping[int, float]) -> Rows:
     Where rows are missing, or a road passes, each of the two has a line of trees of its own, as far
     away as midway between two rows elsewhere. `speeds`: row -> how fast it is picked, m/s.
     """
-    souths = [row.south for row in survey.rows]
-    gaps = [south - north for north, south in pairwise(souths)]
-    usual = median(gap for gap in gaps if gap <= FURTHEST + ROUNDING)
-    between = [_lines_between(north, south, usual) for north, south in pairwise(souths)]
-    first = 2 * souths[0] - between[0][0]
-    last = 2 * souths[-1] - between[-1][-1]
-    souths_of_lines = [[first], *between, [last]]
-    top = top_line(souths[0] - first)
+    souths_of_lines = _souths_of_lines([row.south for row in survey.rows])
+    first = souths_of_lines[0][0]
+    top = top_line(survey.rows[0].south - first)
     lanes = []
     for number, row in enumerate(survey.rows, start=1):
         north = top - (souths_of_lines[number - 1][-1] - first)
@@ -508,13 +503,29 @@ def _surveyed(survey: Survey, speeds: Mapping[int, float]) -> Rows:
     lines = []
     for i, of_gap in enumerate(souths_of_lines):
         beside = lanes[max(0, i - 1) : i + 1]
-        # Of two lines each has the rows of its own side.
-        sides = [beside] if len(of_gap) == 1 else [[lane] for lane in beside]
-        for line, of_line in zip(of_gap, sides, strict=True):
-            west = min(lane.west for lane in of_line)
-            east = max(lane.east for lane in of_line)
-            lines.append(TreeLine(top - (line - first), west, east))
+        if len(of_gap) == 1:
+            west = min(lane.west for lane in beside)
+            east = max(lane.east for lane in beside)
+            lines.append(TreeLine(top - (of_gap[0] - first), west, east))
+        else:
+            # Of two lines each is as long as the row on its own side.
+            for line, lane in zip(of_gap, beside, strict=True):
+                lines.append(TreeLine(top - (line - first), lane.west, lane.east))
     return tuple(lanes), tuple(lines)
+
+
+def _souths_of_lines(souths: list[float]) -> list[list[float]]:
+    """Return how far south the lines of trees lie, m.
+
+    They are that before the first row, those in each gap, and that after the last row. `souths`:
+    how far south each row lies, m.
+    """
+    gaps = [south - north for north, south in pairwise(souths)]
+    usual = median(gap for gap in gaps if gap <= FURTHEST + ROUNDING)
+    between = [_lines_between(north, south, usual) for north, south in pairwise(souths)]
+    first = 2 * souths[0] - between[0][0]
+    last = 2 * souths[-1] - between[-1][-1]
+    return [[first], *between, [last]]
 
 
 def _lines_between(north: float, south: float, usual: float) -> list[float]:
@@ -551,9 +562,12 @@ def _fences(layout: Layout) -> list[tuple[float, float, float, float]]:
     middle_y = (layout.top + bottom) / 2
     half_width = (layout.east - X_WEST) / 2 + half
     half_height = (layout.top - bottom) / 2 + half
-    along_x = [(middle_x, y, half_width, half) for y in (layout.top, bottom)]
-    along_y = [(x, middle_y, half, half_height) for x in (X_WEST, layout.east)]
-    return along_x + along_y
+    return [
+        (middle_x, layout.top, half_width, half),
+        (middle_x, bottom, half_width, half),
+        (X_WEST, middle_y, half, half_height),
+        (layout.east, middle_y, half, half_height),
+    ]
 
 
 def _trunks_and_posts(layout: Layout) -> list[tuple[float, float, float, float]]:
@@ -579,15 +593,17 @@ def _picker_start(layout: Layout, block: Block) -> Pose:
 
 def _machines(layout: Layout) -> list[Start]:
     """Return the starts of pickers, carriers and the tractor, each robot with its bin behind it."""
-    robots = [
-        ("picker", name, _picker_start(layout, block)) for name, block in layout.blocks.items()
-    ]
+    robots = []
+    for name, block in layout.blocks.items():
+        robots.append(("picker", name, _picker_start(layout, block)))
     for i in range(layout.scenario.carrier_count):
         robots.append(("carrier", name_of("carrier", i + 1), layout.queue.place(i)))
     starts = []
     for number, (kind, name, pose) in enumerate(robots, start=1):
         bin_name = name_of("bin", number)
-        behind = KINDS[kind].tows if pose.yaw == EAST else -KINDS[kind].tows
+        behind = KINDS[kind].tows
+        if pose.yaw != EAST:
+            behind = -behind
         starts.append(Start(name, kind, pose, bin_name))
         starts.append(Start(bin_name, "bin", Pose(pose.x - behind, pose.y, pose.yaw)))
     if layout.scenario.tractor:

@@ -75,7 +75,9 @@ def machine_of(scenario: Scenario, kind: str) -> Machine:
     load_out = scenario.load_out
     driving = whole_ticks(load_out.seconds_on_the_way)
     standing = whole_ticks(load_out.seconds)
-    trailer = max(1, driving + standing) if load_out.has_trailers else 0
+    trailer = 0
+    if load_out.has_trailers:
+        trailer = max(1, driving + standing)
     if not load_out.is_of_carriers:
         driving = 0
         standing = 0
@@ -110,4 +112,6 @@ def _rest(ticks: int, quickest: int) -> int:
 
     The quickest one does it as soon as physics lets it.
     """
-    return 0 if ticks <= quickest else ticks - 1
+    if ticks <= quickest:
+        return 0
+    return ticks - 1

@@ -198,7 +198,10 @@ def _part(order: Order, first: float, last: float, metres: float) -> tuple[float
     if not isinstance(begin, float | int):
         raise _wrong(begin, first, last, metres)
     if abs(begin - first) <= FULL_WITHIN:
-        forward = metres if last > first else -metres
+        if last > first:
+            forward = metres
+        else:
+            forward = -metres
         return first, first + forward
     if abs(begin - outermost) <= FULL_WITHIN:
         return outermost, last

@@ -80,10 +80,9 @@ def guests(
     bare_grounds = _bare_grounds(tuple(solid), tuple(areas), inside, rows)
     grounds = {name: copy(ground) for name, ground in bare_grounds.items()}
     of_solid_bodies = [grounds[kind] for kind in ANIMALS + PEOPLE]
-    starts = [
-        _place(scenario.seed, kind, number, grounds[kind], of_solid_bodies)
-        for kind, number in _in_order(scenario)
-    ]
+    starts = []
+    for name, number in _in_order(scenario):
+        starts.append(_place(scenario.seed, name, number, grounds[name], of_solid_bodies))
     # Weeds with odd numbers lie above the rows, those with even numbers below.
     beds = (grounds["weed north"], grounds["weed south"])
     for i in range(scenario.weeds):
@@ -218,7 +217,8 @@ def _in_order(scenario: Scenario) -> list[tuple[str, int]]:
     }
     bodies = []
     for kind, count in counts.items():
-        bodies += [(kind, number) for number in range(1, count + 1)]
+        for number in range(1, count + 1):
+            bodies.append((kind, number))
     return sorted(bodies, key=_has_no_given_place)
 
 

@@ -73,11 +73,10 @@ def end_soon(code: int, show: Callable[[str], None]) -> None:
 
 def _end_threads(code: int, show: Callable[[str], None]) -> None:
     """End this process at once if threads keep it from its end."""
-    remaining = [
-        thread.name
-        for thread in threading.enumerate()
-        if not thread.daemon and thread is not threading.main_thread()
-    ]
+    remaining = []
+    for thread in threading.enumerate():
+        if not thread.daemon and thread is not threading.main_thread():
+            remaining.append(thread.name)
     if remaining:
         show(
             f"own classes have left threads that still run: {', '.join(remaining)}; the program"
@@ -149,11 +148,8 @@ def made_of(class_: Callable[..., Result], *arguments: Any) -> Result:
         is_of_call = last_frame.name == _with_own_decimals.__name__
         if not is_of_call:
             raise
-        names = [
-            "name" if isinstance(argument, str) else type(argument).__name__.lower()
-            for argument in arguments
-        ]
-        raise TypeError(f"{error}; the program calls it with ({', '.join(names)})") from None
+        names = ", ".join(map(_name_of_argument, arguments))
+        raise TypeError(f"{error}; the program calls it with ({names})") from None
 
 
 def unusable(
@@ -173,6 +169,13 @@ def unusable(
     return ScenarioError([Problem("scenario", words, key, path)])
 
 
+def _name_of_argument(argument: object) -> str:
+    """Return what an error calls an argument: 'name' for a text, else its class."""
+    if isinstance(argument, str):
+        return "name"
+    return type(argument).__name__.lower()
+
+
 def _place_of_unimported(path: str) -> str:
     """Return the file of the module that could not be imported, as ' (FILE)'; '' if it is unknown.
 
@@ -190,7 +193,9 @@ def _place_of_unimported(path: str) -> str:
             spec = PathFinder.find_spec(name, folders)
         except (ImportError, OSError, ValueError):
             return ""
-        return f" ({spec.origin})" if spec is not None and spec.origin else ""
+        if spec is not None and spec.origin:
+            return f" ({spec.origin})"
+        return ""
     return ""
 
 
@@ -240,18 +245,23 @@ def place_of_error(error: BaseException) -> str:
     """
     if isinstance(error, SyntaxError) and error.filename is not None:
         return f" ({error.filename}, line {error.lineno})"
-    frames = [
-        frame
-        for frame in traceback.extract_tb(error.__traceback__)
-        if "importlib" not in frame.filename and not frame.filename.startswith(_PACKAGE)
-    ]
-    own = [frame for frame in frames if not frame.filename.startswith(_LIBRARIES)]
+    frames = []
+    own = []
+    for frame in traceback.extract_tb(error.__traceback__):
+        if "importlib" in frame.filename or frame.filename.startswith(_PACKAGE):
+            continue
+        frames.append(frame)
+        if not frame.filename.startswith(_LIBRARIES):
+            own.append(frame)
     if not own and error.__cause__ is not None:
         place = place_of_error(error.__cause__)
         if place:
             return place
-    innermost = (own or frames)[-1:]
-    return "".join(f" ({frame.filename}, line {frame.lineno})" for frame in innermost)
+    candidates = own or frames
+    if not candidates:
+        return ""
+    innermost = candidates[-1]
+    return f" ({innermost.filename}, line {innermost.lineno})"
 
 
 def is_own(file: str) -> bool:

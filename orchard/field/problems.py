@@ -50,7 +50,9 @@ def printable(words: str, most: int = LONGEST) -> str:
     """Return the text of an agent, a class or a client that may be faulty as one short line,
     harmless in a terminal, a log and a page.
     """
-    short = words if len(words) <= most else words[: most - 3] + "..."
+    short = words
+    if len(words) > most:
+        short = words[: most - 3] + "..."
     if type(short) is str and short.isprintable():
         return short
     return "".join(c if c.isprintable() else "?" for c in short)
@@ -77,15 +79,20 @@ class Problem:
         if len(paths) != len(values):
             paths = [self.path]
             values = [self.value]
-        parts = [
-            f"{path} = {value}" if value else path
-            for path, value in zip(paths, values, strict=True)
-        ]
+        parts = []
+        for path, value in zip(paths, values, strict=True):
+            if value:
+                parts.append(f"{path} = {value}")
+            else:
+                parts.append(path)
         return ", ".join(parts)
 
     def __str__(self) -> str:
         """Return the problem as a line: file, its line, place, value, and what is wrong."""
-        parts = [f"{self.file}:{self.line}" if self.line else self.file]
+        place = self.file
+        if self.line:
+            place = f"{self.file}:{self.line}"
+        parts = [place]
         if self.path:
             parts.append(self.what)
         parts.append(self.text)
@@ -177,8 +184,11 @@ def _located(error: Any) -> dict[str, Any]:
     """Return an error of pydantic with the paths of the fields that it is about, and whether it is
     about a key of a map.
     """
-    of_key = error["loc"][2:] == ("[key]",)
-    path = tuple(map(str, error["loc"][:2] if of_key else error["loc"]))
+    location = error["loc"]
+    of_key = location[2:] == ("[key]",)
+    if of_key:
+        location = location[:2]
+    path = tuple(map(str, location))
     fields = [path]
     if error["type"] == "rule":
         fields = [(*path, *field.split(".")) for field in error["ctx"]["fields"]]
@@ -249,7 +259,9 @@ def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
     """
     if path[0] in _MAPS:
         of_map, of_value = _MAPS[path[0]]
-        return of_map if len(path) == 1 else of_value
+        if len(path) == 1:
+            return of_map
+        return of_value
     if path[0] in _CLASSES:
         if len(path) == 1:
             return _CLASSES[path[0]]
@@ -266,7 +278,9 @@ def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
     section = _section(field)
     if section is not None:
         return f"a map with some of the keys {', '.join(section.model_fields)}"
-    span = f" from {limits['Ge'].ge} to {limits['Le'].le}" if "Ge" in limits else ""
+    span = ""
+    if "Ge" in limits:
+        span = f" from {limits['Ge'].ge} to {limits['Le'].le}"
     return f"{_type_words(field.annotation)}{span} ({field.description})"
 
 
@@ -290,7 +304,9 @@ def _guess(path: tuple[str, ...], model: type[BaseModel], value: Any) -> str:
         return ""
     known_names = map(str, _field(path, model).examples or [])
     near = difflib.get_close_matches(value[:60], known_names, n=1)
-    return f"; did you mean {near[0]}?" if near else ""
+    if near:
+        return f"; did you mean {near[0]}?"
+    return ""
 
 
 def _unknown(path: tuple[str, ...], model: type[BaseModel]) -> str:
@@ -343,21 +359,32 @@ def _section(field: FieldInfo) -> type[BaseModel] | None:
 
 def key_text(key: Any) -> str:
     """Return a key of any type as readable text."""
-    return key if isinstance(key, str) and key.isprintable() and key else show(key)
+    if isinstance(key, str) and key.isprintable() and key:
+        return key
+    return show(key)
 
 
 def dotted(path: tuple[str, ...]) -> str:
     """Return a path in a file as text: "people.workers"."""
-    return ".".join(part if len(part) <= 60 else part[:57] + "..." for part in path)
+    return ".".join(map(_shortened, path))
 
 
 def show(value: Any) -> str:
     """Return a value of any type as YAML text, at most 60 characters."""
-    if value is None or isinstance(value, bool):
-        return {None: "null", True: "true", False: "false"}[value]
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return str(value).lower()
     try:
         text = repr(value)
     except Exception:
         # For example a whole number of more than 4,300 digits.
         text = f"some {type(value).__name__}"
-    return text if len(text) <= 60 else text[:57] + "..."
+    return _shortened(text)
+
+
+def _shortened(text: str) -> str:
+    """Return a text, or its first 57 characters if it has more than 60."""
+    if len(text) <= 60:
+        return text
+    return text[:57] + "..."

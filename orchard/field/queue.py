@@ -191,7 +191,10 @@ def queue_of(
     `row_length`, `bay`: m. `charge`: each line in which carriers wait has another one beside it, in
     which they charge.
     """
-    times = 2 if charge else 1
+    if charge:
+        times = 2
+    else:
+        times = 1
     for queue in QUEUES[name](row_length, bay, times * carriers):
         if queue.room >= times * queue.whole_lines(carriers):
             return queue
@@ -211,18 +214,21 @@ def lack_of_room(
 
     if fits(row_length, bay, carriers):
         return ""
-    fewer = range(carriers - 1, 0, -1)
-    longer = range(int(row_length) + 1, int(LONGEST_ROW) + 1)
-    nearer = range(int(bay), -1, -1)
-    most = next((number for number in fewer if fits(row_length, bay, number)), 0)
-    least_length = next((length for length in longer if fits(length, bay, carriers)), None)
-    furthest_bay = next((metres for metres in nearer if fits(row_length, metres, carriers)), None)
+    most = carriers - 1
+    while most > 0 and not fits(row_length, bay, most):
+        most -= 1
     cures = []
-    if least_length is not None:
-        cures.append(f"rows of at least {least_length} m")
-    if furthest_bay is not None:
-        cures.append(f"the bay at most at {furthest_bay} m")
-    lines = "queue and for as many lines in which they charge" if charge else "queue"
+    for length in range(int(row_length) + 1, int(LONGEST_ROW) + 1):
+        if fits(length, bay, carriers):
+            cures.append(f"rows of at least {length} m")
+            break
+    for metres in range(int(bay), -1, -1):
+        if fits(row_length, metres, carriers):
+            cures.append(f"the bay at most at {metres} m")
+            break
+    lines = "queue"
+    if charge:
+        lines = "queue and for as many lines in which they charge"
     where = f"with rows of {row_length:g} m and the bay at {bay:g} m"
     sentence = f"must leave room for the carriers' {lines}: {where} it holds {most}"
     if cures:

@@ -87,7 +87,10 @@ def _elapsed(exchanges: Sequence[float], bins: float) -> float:
 
 def round_of(layout: Layout, block: Block) -> Round:
     """Return the round of a picker with this block."""
-    rows = sorted(set(block.rows)) if layout.rows_differ else [block.rows[0]]
+    if layout.rows_differ:
+        rows = sorted(set(block.rows))
+    else:
+        rows = [block.rows[0]]
     bin_metres = layout.scenario.bin_metres
     bins = float(len(rows))
     if bin_metres:

@@ -43,7 +43,10 @@ def balanced_ends(scenario: Scenario) -> dict[str, Block]:
     start: End = "west"
     for name, block in balanced(scenario).items():
         blocks[name] = Block(block.rows, start)
-        start = "east" if start == "west" else "west"
+        if start == "west":
+            start = "east"
+        else:
+            start = "west"
     return blocks
 
 
@@ -84,13 +87,18 @@ def rows_to_pickers(scenario: Scenario) -> dict[str, Block]:
 def _checked(result: Mapping[str, Any], scenario: Scenario) -> dict[str, Block]:
     """Return what a user's rule returned as blocks. Raises TypeError or ValueError."""
     names = _pickers(scenario)
-    if not isinstance(result, Mapping) or any(name not in result for name in names):
+    if not isinstance(result, Mapping) or not set(names) <= set(result):
         keys = ", ".join(names)
         raise TypeError(f"it returned {result!r}; it must return a map with the keys {keys}")
-    blocks = {name: _block_of(result[name]) for name in names}
-    rows_of = {name: block.rows for name, block in blocks.items()}
-    all_rows = sorted(row for block in blocks.values() for row in block.rows)
-    is_complete = all_rows == list(range(1, scenario.rows + 1))
+    blocks = {}
+    rows_of = {}
+    all_rows: list[int] = []
+    for name in names:
+        block = _block_of(result[name])
+        blocks[name] = block
+        rows_of[name] = block.rows
+        all_rows += block.rows
+    is_complete = sorted(all_rows) == list(range(1, scenario.rows + 1))
     if not is_complete or not all(rows_of.values()):
         raise ValueError(
             f"{rows_of}: each row of 1 to {scenario.rows} must go to one picker, "
@@ -101,11 +109,10 @@ def _checked(result: Mapping[str, Any], scenario: Scenario) -> dict[str, Block]:
             f"{rows_of}: the rows of a picker must be neighbours, "
             "in their order from north to south"
         )
-    wrong_starts = [
-        f"{name} at {block.start!r}"
-        for name, block in blocks.items()
-        if block.start not in get_args(End)
-    ]
+    wrong_starts = []
+    for name, block in blocks.items():
+        if block.start not in get_args(End):
+            wrong_starts.append(f"{name} at {block.start!r}")
     if wrong_starts:
         wrong = ", ".join(wrong_starts)
         raise ValueError(f"a picker starts at the end 'west' or 'east', and not {wrong}")
@@ -114,7 +121,10 @@ def _checked(result: Mapping[str, Any], scenario: Scenario) -> dict[str, Block]:
 
 def _block_of(given_rows: Any) -> Block:
     """Return a block, or plain rows, as a block of whole numbers."""
-    block = given_rows if isinstance(given_rows, Block) else Block(given_rows)
+    if isinstance(given_rows, Block):
+        block = given_rows
+    else:
+        block = Block(given_rows)
     return Block(tuple(int(row) for row in block.rows), block.start)
 
 

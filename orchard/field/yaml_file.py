@@ -70,7 +70,9 @@ class _Loader(yaml.SafeLoader):
             return "nested too deeply"
         if isinstance(event, yaml.AliasEvent):
             return "aliases (*name)"
-        return "tags (!name)" if getattr(event, "tag", None) else ""
+        if getattr(event, "tag", None):
+            return "tags (!name)"
+        return ""
 
 
 class _Dumper(yaml.SafeDumper):

@@ -23,7 +23,9 @@ def plain(seed: Any) -> Any:
     """Return a whole number of numpy as one of Python, which Gymnasium wants; anything else as it
     is.
     """
-    return int(seed) if isinstance(seed, np.integer) else seed
+    if isinstance(seed, np.integer):
+        return int(seed)
+    return seed
 
 
 class Episode(NamedTuple):

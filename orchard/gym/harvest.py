@@ -94,13 +94,11 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         self._longest = longest
         self._is_hashed = is_hashed
         self._episode = Episode(scenario.seed, -1)
-        self.observation_spaces = {
-            name: arrays.observation_space(name, machine)
-            for name, machine in self._machines.items()
-        }
-        self.action_spaces = {
-            name: arrays.action_space(machine, deeds) for name, machine in self._machines.items()
-        }
+        self.observation_spaces = {}
+        self.action_spaces = {}
+        for name, machine in self._machines.items():
+            self.observation_spaces[name] = arrays.observation_space(name, machine)
+            self.action_spaces[name] = arrays.action_space(machine, deeds)
         # The actions of the agents that were asked at this tick.
         self._answers: dict[str, Action] = {}
         self._looks: dict[str, Look] = {}
@@ -163,10 +161,9 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
                 f"actions for {', '.join(unknown)}, which do not learn here;"
                 f" {', '.join(self.agents)} do"
             )
-        commands = {
-            name: arrays.decode(name, self._machines[name], action, self._deeds)
-            for name, action in actions.items()
-        }
+        commands = {}
+        for name, action in actions.items():
+            commands[name] = arrays.decode(name, self._machines[name], action, self._deeds)
         for name, command in commands.items():
             self._command(name, command)
         before = self._looks
@@ -222,10 +219,10 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
 
     def _observed(self) -> dict[str, Arrays]:
         """Return what each learned body observes."""
-        return {
-            name: arrays.observed(look.seen, look.fill, look.goal, look.action)
-            for name, look in self._looks.items()
-        }
+        observed = {}
+        for name, look in self._looks.items():
+            observed[name] = arrays.observed(look.seen, look.fill, look.goal, look.action)
+        return observed
 
     def _infos(self) -> Infos:
         """Return the scripted velocity of each learned body, and which deeds it can try."""
@@ -257,7 +254,9 @@ def _moment(before: Look, after: Look, velocity: Twist, events: list[Event]) -> 
 
 def _bin_of(look: Look) -> str:
     """Return the name of the bin that a body tows; '' without one."""
-    return look.seen.hitch.name if look.seen.hitch else ""
+    if look.seen.hitch:
+        return look.seen.hitch.name
+    return ""
 
 
 def _changes_in(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -273,7 +272,7 @@ def _changes_in(options: Mapping[str, Any]) -> dict[str, Any]:
 
 def _refuse_what_cannot_learn(layout: Layout, learned: Sequence[str]) -> None:
     """Raise ValueError for names that no body has which can learn, for some twice, and for none."""
-    able = [name for name in layout.names if kind_of(name) in MOVERS]
+    able = layout.names_of(*MOVERS)
     problems = []
     for name in learned:
         if name not in able:

@@ -72,8 +72,11 @@ def delivery(moment: Moment) -> float:
 
 def care(moment: Moment) -> float:
     """Minus the collisions that the body began."""
-    own = [event for event in moment.events if event.who == moment.after.name]
-    return -float(sum(event.what == "collision" for event in own))
+    count = 0
+    for event in moment.events:
+        if event.what == "collision" and event.who == moment.after.name:
+            count += 1
+    return -float(count)
 
 
 # Functions with names: an environment can be pickled with them.
@@ -94,7 +97,9 @@ def named(
     Raises ValueError for an unknown name.
     """
     if not isinstance(reward, str):
-        return NamelessReward(reward) if _is_nameless(reward) else reward
+        if _is_nameless(reward):
+            return NamelessReward(reward)
+        return reward
     if reward not in rewards:
         raise ValueError(
             f"reward {reward!r}: there is none of that name; there are {', '.join(rewards)}, and"

@@ -83,8 +83,9 @@ class DispatchVecEnv(VectorEnv[Arrays, np.ndarray, np.ndarray]):
             carrier_order=self.dispatching.carriers,
         )
         # Without a seed each orchard has another one.
-        seeds = [(scenario.seed + number) % SEEDS for number in range(num_envs)]
-        self._episodes = [Episode(seed, -1) for seed in seeds]
+        self._episodes = []
+        for number in range(num_envs):
+            self._episodes.append(Episode((scenario.seed + number) % SEEDS, -1))
         self._has_begun = np.zeros(num_envs, np.bool_)
         self._has_ended = np.zeros(num_envs, np.bool_)
 

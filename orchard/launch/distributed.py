@@ -50,6 +50,7 @@ from orchard.security.identity import Identity
 from orchard.server.options import PATIENCE, RunOptions
 from orchard.sim.kernels.cache import COMPILING, are_compiled
 from orchard.wire.keys import LOGGER, PHYSICS
+from orchard.wire.messages import Mode
 
 PACK_SECONDS = (
     60.0  # that the logger may take to pack its recording after a run has ended by itself
@@ -96,6 +97,13 @@ def _endpoint_of(options: HarvestOptions, credentials: Credentials) -> str:
     check_security(endpoint, credentials.identity(PHYSICS) is not None)
     endpoints.check_free(endpoint)
     return endpoint
+
+
+def _full_path(path: Path | None) -> str | None:
+    """Return a path as another process knows it; None for none."""
+    if path is None:
+        return None
+    return str(path.resolve())
 
 
 class LaunchedRun:
@@ -210,20 +218,31 @@ class LaunchedRun:
         options = self.request.options
         if options.web is not None:
             self._serve_web(options.web)
-        return open_viewer(self.request.uri) if options.view else None
+        if options.view:
+            return open_viewer(self.request.uri)
+        return None
 
     def _physics(self, file: Path) -> ProcessSpec:
         """Return the process of physics. If it dies, it goes on from its newest snapshot."""
         request = self.request
         chosen = request.options
+        listen: str | None = self.listen
+        if chosen.connect:
+            listen = None
+        mode: Mode = "lockstep"
+        if chosen.mode == "realtime":
+            mode = "realtime"
+        speed: float | None = chosen.pace
+        if chosen.pace == math.inf:
+            speed = None
         options = RunOptions(
             scenario=request.scenario.model_dump(),
-            listen=None if chosen.connect else self.listen,
+            listen=listen,
             connect=chosen.connect,
             secure=self.credentials.folder(PHYSICS),
             run=self.run_id,
-            mode="realtime" if chosen.mode == "realtime" else "lockstep",
-            speed=None if math.isinf(chosen.pace) else chosen.pace,
+            mode=mode,
+            speed=speed,
             duration=chosen.duration,
             holds=chosen.holds,
             patience=chosen.patience or PATIENCE,
@@ -231,7 +250,7 @@ class LaunchedRun:
             snapshots=str(request.snapshots.resolve()),
             keyframes=chosen.keyframes,
             without=chosen.without or [],
-            table=None if chosen.table is None else str(chosen.table.resolve()),
+            table=_full_path(chosen.table),
             result=str(file),
             resume=request.resumed is not None,
         )
@@ -251,11 +270,14 @@ class LaunchedRun:
         is_live = request.options.is_live
         if request.recording is None and not is_live:
             return
+        data_port = None
+        if is_live:
+            data_port = request.data_port
         order = LoggerOptions(
             connect=self.endpoint,
             secure=self.credentials.folder(LOGGER),
-            record=None if request.recording is None else str(request.recording.resolve()),
-            serve=request.data_port if is_live else None,
+            record=_full_path(request.recording),
+            serve=data_port,
             session=self.run_id,
         )
         self.supervisor.start(ProcessSpec(LOGGER, "orchard.processes.logger", order, again=True))

@@ -79,10 +79,12 @@ def end_of(snapshot: Snapshot) -> EndOfRun | None:
     if first.model.encounters.size:
         seed = first.layout.scenario.seed
         for number in range(1, DRAWS):
-            other = deepcopy(first)
-            other.meet_as_with(seed + number)
-            harvests.append(other)
+            drawn = deepcopy(first)
+            drawn.meet_as_with(seed + number)
+            harvests.append(drawn)
     if not all(harvest.run().is_over for harvest in harvests):
         return None
     ends = [harvest.seconds for harvest in harvests]
-    return EndOfRun(fmean(ends), SURE * stdev(ends) if len(ends) > 1 else 0.0)
+    if len(ends) == 1:
+        return EndOfRun(ends[0], 0.0)
+    return EndOfRun(fmean(ends), SURE * stdev(ends))

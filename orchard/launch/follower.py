@@ -200,7 +200,10 @@ class RunFollower:
         """Ask physics to end the run. It has longer while it may still load its modules."""
         self._supervisor.terminate(PHYSICS)
         is_loading = not state.has_begun and not state.is_stopping
-        state.end_within(LOAD_SECONDS if is_loading else STOP_SECONDS)
+        if is_loading:
+            state.end_within(LOAD_SECONDS)
+        else:
+            state.end_within(STOP_SECONDS)
 
     def _hear_sample(self, state: _Following, sample: Sample) -> None:
         """Take figures or an end from the bus. What cannot be read is refused, and noted."""

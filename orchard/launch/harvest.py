@@ -100,8 +100,10 @@ def _check_files(request: RunRequest) -> None:
         # pyarrow takes no names but those of text.
         str(options.table).encode()
         # A run that is resumed goes on with its tables. A fork has tables of its own.
-        resumed = None if request.forked_from is not None else request.resumed
-        check_folder(options.table, request.scenario, None if resumed is None else resumed.tick)
+        begins_at = None
+        if request.resumed is not None and request.forked_from is None:
+            begins_at = request.resumed.tick
+        check_folder(options.table, request.scenario, begins_at)
 
 
 def _check_viewers(request: RunRequest) -> None:

@@ -58,7 +58,9 @@ def how_to_join(options: HarvestOptions, endpoint: str) -> str:
         for agents in options.without:
             command += ["--only", agents]
         return f"{', '.join(options.without)}: left to other processes: {typed(*command)}"
-    return f"Other machines reach this run at {there}" if is_public(endpoint) else ""
+    if is_public(endpoint):
+        return f"Other machines reach this run at {there}"
+    return ""
 
 
 def join_run(
@@ -85,7 +87,9 @@ def join_run(
             if supervisor.has_refused():
                 return BAD_ORDER
             supervisor.watch()
-        return 1 if supervisor.given_up else 0
+        if supervisor.given_up:
+            return 1
+        return 0
 
 
 # -- the end of a run

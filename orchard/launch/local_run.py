@@ -96,7 +96,9 @@ def run(request: RunRequest, look: Look | None, show: Show) -> tuple[dict[str, A
             local.engine.rehearse()
             account.figures.begin()
             while True:
-                why = account.why_over(ticks) or ("stopped" if is_stopped() else "")
+                why = account.why_over(ticks)
+                if not why and is_stopped():
+                    why = "stopped"
                 if why:
                     break
                 seconds_to_tick = pacer.wait()

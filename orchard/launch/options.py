@@ -213,20 +213,28 @@ class HarvestOptions:
             return self.speed
         if self.mode == "realtime":
             return 1.0
-        return LIVE_SPEED if self.is_live else math.inf
+        if self.is_live:
+            return LIVE_SPEED
+        return math.inf
 
     @property
     def holds(self) -> Holds:
         """Which agents are asked at a tick: see `orchard.sim.lookahead`."""
         if self.check_holds:
             return "checked"
-        return "ignored" if self.ignore_holds else "on"
+        if self.ignore_holds:
+            return "ignored"
+        return "on"
 
     @property
     def changes(self) -> dict[str, Any]:
         """The values of the scenario that are given as options: name -> value."""
-        values = {name: getattr(self, name) for name in CHANGES}
-        return {name: value for name, value in values.items() if value is not None}
+        changes = {}
+        for name in CHANGES:
+            value = getattr(self, name)
+            if value is not None:
+                changes[name] = value
+        return changes
 
     def given(self) -> list[str]:
         """Return the names of the options that are not at their defaults."""
@@ -234,9 +242,13 @@ class HarvestOptions:
 
     def typed(self, parameters: Iterable[str]) -> str:
         """Return what was given as a user types it: --rows, mine.yaml."""
-        return ", ".join(
-            str(self.scenario) if name == "scenario" else named([name]) for name in parameters
-        )
+        words = []
+        for name in parameters:
+            if name == "scenario":
+                words.append(str(self.scenario))
+            else:
+                words.append(named([name]))
+        return ", ".join(words)
 
     def given_but(self, allowed: Iterable[str]) -> str:
         """Return what was given of the options that are not allowed, as a user types it."""

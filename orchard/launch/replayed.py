@@ -38,11 +38,10 @@ def scenario_and_velocities(chosen: HarvestOptions, bag: Path) -> tuple[Scenario
 
 def _refuse_code(chosen: HarvestOptions, bag: Path, scenario: Scenario) -> None:
     """Raise ValueError if the scenario of a bag names code: a bag may come from others."""
-    code = [
-        f"{key}: {path}"
-        for key, path in scenario.own_classes.items()
-        if chosen.changes.get(key) != path
-    ]
+    code = []
+    for key, path in scenario.own_classes.items():
+        if chosen.changes.get(key) != path:
+            code.append(f"{key}: {path}")
     if code:
         raise ValueError(
             f"{bag}: its scenario names code, which can do whatever you can: "

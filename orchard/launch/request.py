@@ -36,7 +36,9 @@ class RunRequest:
     @cached_property
     def data_port(self) -> int:
         """The port of the live data: the port after that of the web viewer, or a free one."""
-        return free_port() if self.options.web is None else self.options.web + 1
+        if self.options.web is None:
+            return free_port()
+        return self.options.web + 1
 
     @cached_property
     def run_id(self) -> str:
@@ -66,7 +68,9 @@ class Credentials:
 
     def identity(self, role: str) -> Identity | None:
         """Return the identity of a role; None for an open run. Raises ValueError."""
-        return self.keyring.of(role) if self.keyring else None
+        if self.keyring:
+            return self.keyring.of(role)
+        return None
 
     def only_identity(self) -> Identity | None:
         """Return the identity of a directory with one role; None for an open run.
@@ -86,7 +90,9 @@ class Credentials:
     def folder(self, role: str) -> str | None:
         """Return the folder of a role's certificate, for the options of a process."""
         identity = self.identity(role)
-        return None if identity is None else str(identity.folder)
+        if identity is None:
+            return None
+        return str(identity.folder)
 
     def shares(self, names: Sequence[str], all_names: Sequence[str]) -> Shares:
         """Share agents among processes, by the roles of a secured run.

@@ -73,7 +73,9 @@ def _report_result(request: RunRequest, result: dict[str, Any], why: str) -> int
     ]
     for trouble in troubles:
         print_error(trouble)
-    return FAILED if troubles or is_all_lost() else FINISHED
+    if troubles or is_all_lost():
+        return FAILED
+    return FINISHED
 
 
 def _complete_summary(request: RunRequest, result: dict[str, Any]) -> None:
@@ -147,11 +149,10 @@ def _study_of(request: RunRequest) -> list[object]:
     """Return the words of the study of how many carriers are worth it in this orchard."""
     options = request.options
     words: list[object] = [] if options.scenario is None else [options.scenario]
-    fixed = [
-        f"{name}={value}"
-        for name, value in options.changes.items()
-        if name not in ("carriers", "seed")
-    ]
+    fixed = []
+    for name, value in options.changes.items():
+        if name not in ("carriers", "seed"):
+            fixed.append(f"{name}={value}")
     if fixed:
         for varied in ("carriers", *fixed):
             words += ["--vary", varied]

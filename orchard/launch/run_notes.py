@@ -139,10 +139,13 @@ def end_left_over(folder: Path, say: Callable[[str], None]) -> bool:
     """
     gone: list[Path] = []
     running_here(folder, gone)
-    had_processes = [_end(note.stem, say) for note in gone]
+    had_processes = False
+    for note in gone:
+        if _end(note.stem, say):
+            had_processes = True
     for note in gone:
         note.unlink(missing_ok=True)
-    return any(had_processes)
+    return had_processes
 
 
 def _end(run: str, say: Callable[[str], None]) -> bool:
@@ -187,7 +190,7 @@ def _names_run(environment: bytes, run: str) -> bool:
     """Whether an environment, as Linux tells it, is that of a process of a run."""
     begin = f"{STARTED_BY}=".encode()
     end = f" {run}".encode()
-    return any(
-        variable.startswith(begin) and variable.endswith(end)
-        for variable in environment.split(b"\0")
-    )
+    for variable in environment.split(b"\0"):
+        if variable.startswith(begin) and variable.endswith(end):
+            return True
+    return False

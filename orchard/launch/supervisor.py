@@ -157,11 +157,16 @@ class Supervisor(AbstractContextManager["Supervisor"]):
     @property
     def lost_agents(self) -> list[str]:
         """The agents of the processes that are given up."""
-        return [agent for program in self.given_up.values() for agent in program.agents]
+        agents: list[str] = []
+        for program in self.given_up.values():
+            agents += program.agents
+        return agents
 
     def exit_code(self, name: str) -> int | None:
         """Return the exit code of a process; None while it runs, or if it was never started."""
-        return self.running[name].popen.poll() if name in self.running else None
+        if name not in self.running:
+            return None
+        return self.running[name].popen.poll()
 
     def is_running(self, name: str) -> bool:
         """Whether a process was started and has not ended."""
@@ -198,8 +203,12 @@ class Supervisor(AbstractContextManager["Supervisor"]):
         now = self.clock()
         self._clear_up(running)
         is_quick = now - running.begun < QUICK_SECONDS
-        running.deaths = running.deaths + 1 if is_quick else 1
-        most_deaths = REFUSALS if code == BAD_ORDER else DEATHS
+        if not is_quick:
+            running.deaths = 0
+        running.deaths += 1
+        most_deaths = DEATHS
+        if code == BAD_ORDER:
+            most_deaths = REFUSALS
         if running.deaths < most_deaths:
             running.due = now
             if running.deaths > 1:
@@ -216,7 +225,9 @@ class Supervisor(AbstractContextManager["Supervisor"]):
 
     def pid(self, name: str) -> int | None:
         """Return the id of a process; None if it was never started."""
-        return self.running[name].popen.pid if name in self.running else None
+        if name not in self.running:
+            return None
+        return self.running[name].popen.pid
 
     def terminate(self, *names: str) -> None:
         """Ask processes to end, if they run: let go of their lines."""

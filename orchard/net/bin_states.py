@@ -20,7 +20,10 @@ class StateBoard:
 
     def update(self, seen: Observation) -> None:
         """Store the state of an observed bin. Publish it if `full` or `coupled_to` has changed."""
-        robot = seen.hitch.name if seen.hitch else ""
+        if seen.hitch:
+            robot = seen.hitch.name
+        else:
+            robot = ""
         state = BinStatus(self._run, seen.tick, seen.full, seen.fill, robot)
         old = self._states.get(seen.name)
         self._states[seen.name] = state

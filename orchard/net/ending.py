@@ -62,7 +62,9 @@ class Ending:
     def end(self) -> End | None:
         """The end of the run; None if it is not over, or if that is not credible."""
         has_gone_too = abs(self._heard_at - self.gone_at) <= GOES_SECONDS
-        return self._heard if has_gone_too else None
+        if not has_gone_too:
+            return None
+        return self._heard
 
 
 def write_end(end: End, path: str) -> None:

@@ -132,7 +132,9 @@ def _own_address(every: str, outside: str) -> str:
             own = str(probe.getsockname()[0])
     except OSError:
         return socket.gethostname()
-    return f"[{own}]" if ":" in own else own
+    if ":" in own:
+        return f"[{own}]"
+    return own
 
 
 def with_port(endpoint: str) -> str:
@@ -151,4 +153,6 @@ def with_port(endpoint: str) -> str:
 
 def _family(host: str) -> socket.AddressFamily:
     """Return the family of an address: IPv6 stands in brackets."""
-    return socket.AF_INET6 if host.startswith("[") else socket.AF_INET
+    if host.startswith("["):
+        return socket.AF_INET6
+    return socket.AF_INET

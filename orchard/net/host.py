@@ -125,8 +125,9 @@ class Host:
         self.run_id = run
         self._patience = patience
         self._scenario = layout.scenario
-        guards = {name: guarded(layout, name, agent) for name, agent in sorted(agents.items())}
-        self.runners = {name: AgentRunner(name, guard) for name, guard in guards.items()}
+        self.runners: dict[str, AgentRunner] = {}
+        for name, agent in sorted(agents.items()):
+            self.runners[name] = AgentRunner(name, guarded(layout, name, agent))
         self.bodies = [name for name in self.runners if name in layout.index]
         self.bins = [name for name in self.bodies if kind_of(name) == "bin"]
         self.latest = LatestObservations(run, self.runners, self.bodies)
@@ -325,10 +326,10 @@ class Host:
         packed = pack(Velocities(self.run_id, tick, self.bus.id, reports))
         if len(packed) <= MAX_PAYLOAD or len(reports) == 1:
             return [packed]
-        names = list(reports)
-        middle = len(names) // 2
-        first = {name: reports[name] for name in names[:middle]}
-        rest = {name: reports[name] for name in names[middle:]}
+        in_order = list(reports.items())
+        middle = len(in_order) // 2
+        first = dict(in_order[:middle])
+        rest = dict(in_order[middle:])
         return self._packed(tick, first) + self._packed(tick, rest)
 
     # -- what arrives

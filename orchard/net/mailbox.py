@@ -201,7 +201,9 @@ class Mailbox:
             raise Refused("no such agent", letter.sender)
         if not self._is_timely(letter.tick) and letter.tick not in self._recalled:
             detail = f"a request of {letter.tick} at tick {self.last}"
-            raise Refused("past tick" if letter.tick < self.last else "future tick", detail)
+            if letter.tick < self.last:
+                raise Refused("past tick", detail)
+            raise Refused("future tick", detail)
         return letter
 
     def replied(self, asked: SentRequest, payload: bytes) -> None:
@@ -257,8 +259,10 @@ class Mailbox:
 
     def _has(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
         """Whether these requests of the last tick have come."""
-        keys = [(to, sender, tick - 1, number) for to, sender, number in asked_of]
-        return all(key in self._waiting for key in keys)
+        for to, sender, number in asked_of:
+            if (to, sender, tick - 1, number) not in self._waiting:
+                return False
+        return True
 
     def deliver(self, tick: int) -> dict[str, Mail]:
         """Return the mail of a tick, by name: requests, and answers (rule 3).
@@ -303,10 +307,9 @@ class Mailbox:
                 waiting.body = body
         if not action.requests:
             return []
-        asked = [
-            SentRequest(name, self.last, number, to, request)
-            for number, (to, request) in enumerate(action.requests)
-        ]
+        asked = []
+        for number, (to, request) in enumerate(action.requests):
+            asked.append(SentRequest(name, self.last, number, to, request))
         self._asked.setdefault(self.last, []).extend(asked)
         return asked
 

@@ -113,8 +113,10 @@ def read_options(kind: type[Options], module: str, argv: Sequence[str] | None = 
 
     Raises SystemExit.
     """
-    words = sys.argv[1:] if argv is None else argv
-    if [*words] == [FROM_STDIN]:
+    if argv is None:
+        argv = sys.argv[1:]
+    words = list(argv)
+    if words == [FROM_STDIN]:
         return msgspec.json.decode(sys.stdin.readline(), type=kind)
     parser = CommandLine(
         prog=f"python -m {module}", description=kind.__doc__, argument_default=argparse.SUPPRESS

@@ -35,7 +35,10 @@ class Refused(Exception):
         self.detail = printable(detail)
         # The session that sent it, if it says so.
         self.session = ""
-        super().__init__(f"{reason}: {self.detail}" if detail else reason)
+        words: str = reason
+        if detail:
+            words = f"{reason}: {self.detail}"
+        super().__init__(words)
 
 
 @contextmanager

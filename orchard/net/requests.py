@@ -95,7 +95,10 @@ def _note(refusals: Refusals | None, key: str, error: Refused | ValueError) -> N
     """Count a reply that is not valid."""
     if refusals is None:
         return
-    refusal = error if isinstance(error, Refused) else Refused("malformed", str(error))
+    if isinstance(error, Refused):
+        refusal = error
+    else:
+        refusal = Refused("malformed", str(error))
     refusals.note(key, refusal)
 
 

@@ -48,4 +48,6 @@ class AgentRunner:
         """Return the packed memory; None if physics has it already."""
         before = self._sent
         self._sent = self._agent.packed
-        return None if self._sent == before else self._sent
+        if self._sent == before:
+            return None
+        return self._sent

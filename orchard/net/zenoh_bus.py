@@ -90,7 +90,10 @@ class ZenohQuery(Query):
     def __init__(self, query: zenoh.Query) -> None:
         # The client's, which may have wildcards, not the queryable's.
         self.key = str(query.key_expr)
-        self.payload = b"" if query.payload is None else query.payload.to_bytes()
+        if query.payload is None:
+            self.payload = b""
+        else:
+            self.payload = query.payload.to_bytes()
         self._query = query
 
     def reply(self, payload: bytes) -> None:
@@ -136,7 +139,10 @@ class ZenohBus(Bus):
 
     def publish(self, key: str, payload: bytes, newest_wins: bool = False) -> None:
         if key not in self._publishers:
-            control = zenoh.CongestionControl.DROP if newest_wins else zenoh.CongestionControl.BLOCK
+            if newest_wins:
+                control = zenoh.CongestionControl.DROP
+            else:
+                control = zenoh.CongestionControl.BLOCK
             self._publishers[key] = self._session.declare_publisher(
                 key, congestion_control=control, allowed_destination=_OTHERS
             )
@@ -197,7 +203,10 @@ class ZenohBus(Bus):
             self._tokens.pop(token).undeclare()  # type: ignore[no-untyped-call]
 
     def _into(self, item_of: Callable[[Any], Item], quietly: bool = False) -> "Callback[Any]":
-        put = self.inbox.put_quietly if quietly else self.inbox.put
+        if quietly:
+            put = self.inbox.put_quietly
+        else:
+            put = self.inbox.put
         return Callback(lambda arrived: put(item_of(arrived)), indirect=False)
 
 
@@ -212,11 +221,9 @@ def _alive(sample: zenoh.Sample) -> Alive:
 def _replied(ticket: Any, reply: zenoh.Reply) -> Replied:
     if reply.ok is not None:
         return Replied(ticket, reply.ok.payload.to_bytes(), "")
-    return Replied(
-        ticket,
-        b"",
-        reply.err.payload.to_bytes().decode(errors="replace") if reply.err else "no reply",
-    )
+    if reply.err is None:
+        return Replied(ticket, b"", "no reply")
+    return Replied(ticket, b"", reply.err.payload.to_bytes().decode(errors="replace"))
 
 
 # -- sessions
@@ -265,7 +272,9 @@ def _opened(
     except zenoh.ZError as error:
         raise BusError(_explain(mode, endpoint, seconds, identity, str(error))) from error
     try:
-        yield ZenohBus(session, Inbox() if inbox is None else inbox, endpoint)
+        if inbox is None:
+            inbox = Inbox()
+        yield ZenohBus(session, inbox, endpoint)
     finally:
         try:
             session.close()  # type: ignore[no-untyped-call]
@@ -367,9 +376,9 @@ def _config(mode: str, endpoint: str, seconds: float, identity: Identity | None)
             "period_increase_factor": 1.5,
         }
     if identity is not None:
-        settings |= _tls_settings(identity) | (
-            {"access_control": identity.rules()} if mode == "router" else {}
-        )
+        settings |= _tls_settings(identity)
+        if mode == "router":
+            settings["access_control"] = identity.rules()
     config = zenoh.Config()
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))

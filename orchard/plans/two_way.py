@@ -161,10 +161,10 @@ class TwoWay(OneWay):
         side = self.east
         exits = self._lines("exit", y)[:1]
         entries = self._lines("entry", y)
-        turn = [Gate([place], side.x(self.ENTRY_HOLD)) for place, _ in entries[:2]]
-        straight = [Gate([place], self.queue.head) for place, _ in exits]
-        passed = [Gate([place], self._exit_clear(side)) for place, _ in exits]
-        onward = [Gate([place], line + self.LINE_HOLD) for place, line in entries[2:]]
+        turn = _gates_at(side.x(self.ENTRY_HOLD), entries[:2])
+        straight = _gates_at(self.queue.head, exits)
+        passed = _gates_at(self._exit_clear(side), exits)
+        onward = _gates_beside(entries[2:], self.LINE_HOLD)
         # No delivery waits for a lane while it has the corner.
         corner = []
         last = 0
@@ -173,7 +173,7 @@ class TwoWay(OneWay):
                 corner.append(Gate([side.place("D", number)], self.CORNER_HOLD))
                 last = number
         corner.append(Gate([CORNER], self.CORNER_HOLD))
-        frees = [Gate([place], line - self.TOP_CLEAR) for place, line in entries]
+        frees = _gates_beside(entries, -self.TOP_CLEAR)
         frees.append(Gate([CORNER], self.CORNER_CLEAR))
         drive = DriveTo(x=side.x(self.D_ROAD), needs=[*straight, *turn], frees=passed)
         onward += corner
@@ -193,9 +193,9 @@ class TwoWay(OneWay):
         """Return the way from a line at y, m, to the stop at a lane on the west side."""
         side = self.west
         exits = self._lines("exit", y)
-        turn = [Gate([place], self.queue.head) for place, _ in exits[:2]]
-        onward = [Gate([place], line + self.LINE_HOLD) for place, line in exits[2:]]
-        passed = [Gate([place], line - self.TOP_CLEAR) for place, line in exits]
+        turn = _gates_at(self.queue.head, exits[:2])
+        onward = _gates_beside(exits[2:], self.LINE_HOLD)
+        passed = _gates_beside(exits, -self.TOP_CLEAR)
         crossing = [Gate([side.place("D", 1)], self.WEST_HOLD), Gate([CROSSING], self.WEST_HOLD)]
         return [
             DriveTo(x=self.connector, needs=turn),
@@ -303,3 +303,13 @@ class TwoWay(OneWay):
         frees = [Gate([MERGE], self.MERGE_CLEAR), Gate([CROSSING], self.CROSSING_CLEAR)]
         north = DriveTo(y=TOP_ROAD, needs=[*enter, crossing], frees=[*leave, *frees])
         return [north, Face("EAST"), self.to_bay()]
+
+
+def _gates_at(x: float, lines: Sequence[tuple[str, float]]) -> list[Gate]:
+    """Return a gate for the place of each line, all at x, m. `lines`: as of `_lines`."""
+    return [Gate([place], x) for place, _ in lines]
+
+
+def _gates_beside(lines: Sequence[tuple[str, float]], offset: float) -> list[Gate]:
+    """Return a gate for the place of each line, at its y + `offset`, m. `lines`: as of `_lines`."""
+    return [Gate([place], y + offset) for place, y in lines]

@@ -26,7 +26,9 @@ class VehicleAction:
         """The blocking types that fit it: at a node a vehicle stands and does one thing, on an edge
         it drives.
         """
-        return ["HARD"] if self.scope == "NODE" else ["NONE", "SINGLE"]
+        if self.scope == "NODE":
+            return ["HARD"]
+        return ["NONE", "SINGLE"]
 
     def is_done_at(self, node: str) -> bool:
         """Whether it can be done at this node, or on an edge to it."""

@@ -82,7 +82,9 @@ class Graph:
 
         nearest = min(self.nodes.values(), key=distance)
         tolerance = NEAR_IN_QUEUE if nearest.name.startswith(QUEUE) else NEAR
-        return nearest.name if distance(nearest) <= tolerance else ""
+        if distance(nearest) <= tolerance:
+            return nearest.name
+        return ""
 
     def way(self, start: str, ends: Iterable[str]) -> list[str]:
         """Return the nodes of the shortest way to the nearest of some nodes, without the first.
@@ -161,10 +163,13 @@ class _Roads:
         queue = self._layout.queue
         count = min(queue.places, self._layout.queue_places - head)
         first = queue.place(head)
-        slots = [first._replace(x=first.x - PITCH * slot) for slot in range(count)]
         line = f"{QUEUE}{head // queue.places + 1}"
-        for slot, pose in enumerate(slots):
-            self.names[_point(pose)] = f"{line}/{slot + 1}" if slot else line
+        slots = []
+        for slot in range(count):
+            pose = first._replace(x=first.x - PITCH * slot)
+            slots.append(pose)
+            self.names[_point(pose)] = f"{line}/{slot + 1}"
+        self.names[_point(first)] = line
         self.names[_point(self._bay)] = BAY
         self.stations[line] = (line,)
         from_last = slots[::-1]
@@ -215,11 +220,10 @@ def _over_to_the_other_road(route: OneWay, side: Side, lane: int, stop: Pose) ->
     leaves: dict[str, float] = {}
     for gate in along.frees:
         leaves |= dict.fromkeys(gate.places, ahead * (gate.at - stop.y))
-    around = [
-        place
-        for place, leaves_at in leaves.items()
-        if leaves_at > -RADIUS and enters.get(place, -inf) < RADIUS
-    ]
+    around = []
+    for place, leaves_at in leaves.items():
+        if leaves_at > -RADIUS and enters.get(place, -inf) < RADIUS:
+            around.append(place)
     around.sort(key=lambda place: leaves[place])
     return [
         *(Need([place]) for place in around),
@@ -240,7 +244,9 @@ def _longest_way_to_bay(route: OneWay, side: Side) -> tuple[Face, DriveTo, list[
 
     def place_count(way: list[Step]) -> int:
         along = way[2]
-        return len(along.frees) if isinstance(along, DriveTo) else 0
+        if isinstance(along, DriveTo):
+            return len(along.frees)
+        return 0
 
     ways = []
     for lane in route.layout.lanes:
@@ -278,13 +284,15 @@ def _parts(drive: DriveTo, start: Pose) -> Iterator[tuple[DriveTo, str]]:
 
     Yields each part, and the place that is needed where it ends.
     """
-    axis = "y" if drive.x is None else "x"
+    axis = drive.axis
     begin = getattr(start, axis)
     end = getattr(drive, axis)
 
     def along(at: float) -> float:
         """Return a coordinate, m, that grows in the direction of the drive."""
-        return at if end >= begin else -at
+        if end >= begin:
+            return at
+        return -at
 
     needs = [gate for gate in drive.needs if along(begin) <= along(gate.at) < along(end)]
     cuts = sorted({gate.at for gate in needs if gate.at != begin}, key=along)

@@ -24,15 +24,21 @@ def lif_of(graphs: Sequence[Graph], creator: str, made_at: str) -> dict[str, Any
         "exportTimestamp": made_at,
         "lifVersion": VERSION,
     }
+    nodes = []
+    edges = []
+    stations = []
+    for graph in graphs:
+        nodes += [_node(graph.kind, node) for node in graph.nodes.values()]
+        edges += [_edge(graph.kind, edge) for edge in graph.edges.values()]
+        for name, of_station in graph.stations.items():
+            stations.append(_station(name, of_station))
     layout = {
         "layoutId": MAP,
         "layoutName": "the roads of the orchard",
         "layoutVersion": "1",
-        "nodes": [_node(graph.kind, node) for graph in graphs for node in graph.nodes.values()],
-        "edges": [_edge(graph.kind, edge) for graph in graphs for edge in graph.edges.values()],
-        "stations": [
-            _station(name, nodes) for graph in graphs for name, nodes in graph.stations.items()
-        ],
+        "nodes": nodes,
+        "edges": edges,
+        "stations": stations,
     }
     return {"metaInformation": meta, "layouts": [layout]}
 
@@ -59,12 +65,19 @@ def _node(vehicle: str, node: Node) -> dict[str, Any]:
 
 def _actions(vehicle: str, scope: str, node: str) -> dict[str, Any]:
     """The actions that are possible at a node, or on an edge to it."""
-    actions = [
-        {"actionType": kind, "requirementType": "OPTIONAL", "blockingType": action.blocking[0]}
-        for kind, action in ACTIONS[vehicle].items()
-        if action.scope == scope and action.is_done_at(node)
-    ]
-    return {"actions": actions} if actions else {}
+    actions = []
+    for kind, action in ACTIONS[vehicle].items():
+        if action.scope == scope and action.is_done_at(node):
+            actions.append(
+                {
+                    "actionType": kind,
+                    "requirementType": "OPTIONAL",
+                    "blockingType": action.blocking[0],
+                }
+            )
+    if not actions:
+        return {}
+    return {"actions": actions}
 
 
 def _edge(vehicle: str, edge: Edge) -> dict[str, Any]:

@@ -117,8 +117,10 @@ def _over_to_next_row(route: OneWay, row: int, side: Side) -> list[Step]:
 
 def _through(route: OneWay, side: Side, row: int, start: str) -> Edge:
     """Return the edge through a row, from one side of it to the other."""
-    opposite = route.west if side is route.east else route.east
-    turn_in = route.go_to_next_row(row, row, side) if "/wait/" in start else []
+    opposite = route.opposite(side)
+    turn_in: list[Step] = []
+    if "/wait/" in start:
+        turn_in = route.go_to_next_row(row, row, side)
     whole_row = pass_at(row, opposite, route.end(row, side), route.end(row, opposite))
     pick = route.pick(whole_row, came_over=bool(turn_in))
     return _edge(start, f"{opposite.name}/out/{row}", *turn_in, *pick, Weigh())

@@ -85,9 +85,10 @@ class Authority:
             x509.BasicConstraints(ca=False, path_length=None), critical=True
         )
         names = [address(text) for text in addresses]
-        draft = draft.add_extension(
-            x509.ExtendedKeyUsage([SERVES, CALLS] if names else [CALLS]), critical=False
-        )
+        usages = [CALLS]
+        if names:
+            usages = [SERVES, CALLS]
+        draft = draft.add_extension(x509.ExtendedKeyUsage(usages), critical=False)
         if names:
             draft = draft.add_extension(x509.SubjectAlternativeName(names), critical=False)
         _write(folder, draft.sign(self.key, hashes.SHA256()), key)
@@ -103,13 +104,24 @@ def _draft(
 
 
 def _name(text: str, digest: str = "") -> x509.Name:
-    attributes = {NameOID.COMMON_NAME: text, NameOID.SERIAL_NUMBER: digest}
-    return x509.Name([x509.NameAttribute(oid, value) for oid, value in attributes.items() if value])
+    attributes = []
+    if text:
+        attributes.append(x509.NameAttribute(NameOID.COMMON_NAME, text))
+    if digest:
+        attributes.append(x509.NameAttribute(NameOID.SERIAL_NUMBER, digest))
+    return x509.Name(attributes)
 
 
 def _in(name: x509.Name, oid: x509.ObjectIdentifier) -> str:
     found = name.get_attributes_for_oid(oid)
-    return str(found[0].value) if found else ""
+    if not found:
+        return ""
+    return str(found[0].value)
+
+
+def _is_label(part: str) -> bool:
+    """Whether a text may stand between two dots in the name of a machine."""
+    return part.isascii() and part.replace("-", "").isalnum()
 
 
 def address(text: str) -> x509.GeneralName:
@@ -120,9 +132,7 @@ def address(text: str) -> x509.GeneralName:
     try:
         return x509.IPAddress(ipaddress.ip_address(text))
     except ValueError:
-        if not text or not all(
-            part and part.replace("-", "").isalnum() and part.isascii() for part in text.split(".")
-        ):
+        if not all(map(_is_label, text.split("."))):
             raise ValueError(
                 f"{text}: neither an address nor the name of a machine; examples: 192.168.1.10, "
                 "shed.local"

@@ -184,12 +184,12 @@ class Keyring:
         """
         wanted = set(names)
         known = set(agents)
-        hosts = {
-            name: sorted(set(role_in(folder).names) & known)
-            for name, folder in self.roles.items()
-            if role_in(folder).duty == "host"
-        }
-        hosts = {name: its for name, its in hosts.items() if wanted & set(its)}
+        hosts = {}
+        for name, folder in self.roles.items():
+            role = role_in(folder)
+            its = sorted(set(role.names) & known)
+            if role.duty == "host" and wanted & set(its):
+                hosts[name] = its
         for name, its in hosts.items():
             if not wanted >= set(its):
                 raise ValueError(
@@ -268,7 +268,10 @@ def make(
     rules = json.dumps(access_control(roles, Keys(PREFIX)), indent=1)
     for role in roles:
         serves = role.duty in ("physics", "router")
-        authority.vouch(role, folder / role.name, (*LOCAL, *addresses) if serves else ())
+        own_addresses: Sequence[str] = ()
+        if serves:
+            own_addresses = (*LOCAL, *addresses)
+        authority.vouch(role, folder / role.name, own_addresses)
         (folder / role.name / ROLE).write_text(
             json.dumps(asdict(role) | {"session": role.session}, indent=1)
         )
@@ -292,13 +295,14 @@ def host_roles(names: Sequence[str], wishes: Iterable[str], shares: Shares) -> l
         if not words:
             raise ValueError(f"{wish}: expected NAME=KIND|AGENT,..., such as shed=carrier,bin_01")
         roles.append(Role(name, "host", tuple(select_agents(names, words.split(","), []))))
-    taken = {name for role in roles for name in role.names}
+    taken: set[str] = set()
+    for role in roles:
+        taken.update(role.names)
     rest = [name for name in names if name not in taken]
-    return roles + [
-        Role(title.replace(" ", "_"), "host", tuple(share))
-        for title, share in shares(rest)
-        if share
-    ]
+    for title, share in shares(rest):
+        if share:
+            roles.append(Role(title.replace(" ", "_"), "host", tuple(share)))
+    return roles
 
 
 def bridge_roles(names: Sequence[str], wishes: Iterable[str]) -> list[Role]:
@@ -306,16 +310,25 @@ def bridge_roles(names: Sequence[str], wishes: Iterable[str]) -> list[Role]:
 
     Raises ValueError.
     """
-    return [
-        _bridge_role(names, name, words.split(",") if words else [])
-        for name, _, words in (wish.partition("=") for wish in wishes)
-    ]
+    roles = []
+    for wish in wishes:
+        name, _, words = wish.partition("=")
+        listed: list[str] = []
+        if words:
+            listed = words.split(",")
+        roles.append(_bridge_role(names, name, listed))
+    return roles
 
 
 def _bridge_role(names: Sequence[str], name: str, words: Sequence[str]) -> Role:
     robots = [word for word in words if word != SIMULATION]
-    duty: Duty = "operating-bridge" if SIMULATION in words else "bridge"
-    return Role(name, duty, tuple(select_agents(names, robots, [])) if robots else ())
+    if SIMULATION in words:
+        duty: Duty = "operating-bridge"
+    else:
+        duty = "bridge"
+    if not robots:
+        return Role(name, duty, ())
+    return Role(name, duty, tuple(select_agents(names, robots, [])))
 
 
 def _check_names(roles: Sequence[Role]) -> None:
@@ -331,10 +344,11 @@ def _check_names(roles: Sequence[Role]) -> None:
                 "authority's own key"
             )
     _refuse_repeats([role.name for role in roles], "is the name of two roles")
-    _refuse_repeats(
-        [name for role in roles if role.duty == "host" for name in role.names],
-        "is in two roles; an agent has one host",
-    )
+    hosted: list[str] = []
+    for role in roles:
+        if role.duty == "host":
+            hosted += role.names
+    _refuse_repeats(hosted, "is in two roles; an agent has one host")
 
 
 def _refuse_repeats(words: Sequence[str], why: str) -> None:

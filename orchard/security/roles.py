@@ -184,14 +184,17 @@ def access_control(roles: Iterable[Role], keys: Keys) -> dict[str, Any]:
     policies = []
     for role in roles:
         own_rules = []
+        ids = []
         for passage, exprs in _allowed(role, keys).items():
             if exprs:
-                own_rules.append(_rule(role.name, passage, [*dict.fromkeys(exprs)]))
+                rule = _rule(role.name, passage, [*dict.fromkeys(exprs)])
+                own_rules.append(rule)
+                ids.append(rule["id"])
         if own_rules:
             subject = {"id": role.name, "cert_common_names": [role.name], "zids": [role.session]}
             rules += own_rules
             subjects.append(subject)
-            policies.append({"rules": [rule["id"] for rule in own_rules], "subjects": [role.name]})
+            policies.append({"rules": ids, "subjects": [role.name]})
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -228,9 +231,9 @@ def _needs(duty: Duty) -> Iterator[tuple[str, Party, _Passage]]:
     """Yield each kind of key on which a duty has a right, its party there, and a passage."""
     for kind, right in RIGHTS.items():
         for parties, passages in zip(right, _ends(kind), strict=True):
-            of_duty = [party for party in parties if party.duty == duty]
-            for party, passage in product(of_duty, passages):
-                yield kind, party, passage
+            for party, passage in product(parties, passages):
+                if party.duty == duty:
+                    yield kind, party, passage
 
 
 def _ends(kind: str) -> tuple[tuple[_Passage, ...], tuple[_Passage, ...]]:
@@ -251,7 +254,10 @@ def _exprs(kind: str, party: Party, role: Role, keys: Keys) -> list[str]:
         return [keys.of(kind)]
     # The logger's token may name the run.
     names_a_session = role.duty == "host" or kind != "alive"
-    session = role.session if names_a_session else "*"
+    if names_a_session:
+        session = role.session
+    else:
+        session = "*"
     names = list(role.names)
     if "{bin}" in TABLE[kind].template:
         names = [name for name in names if kind_of(name) == "bin"]

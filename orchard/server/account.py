@@ -33,7 +33,10 @@ class RunAccount:
         """
         self._engine = engine
         self.frame_builder = FrameBuilder(engine)
-        self.figures = RunFigures(engine, clock, before.figures if before else {})
+        figures_before: Mapping[str, Any] = {}
+        if before is not None:
+            figures_before = before.figures
+        self.figures = RunFigures(engine, clock, figures_before)
         self.snapshot_writer = snapshot_writer
         self._tables: Tables | None = None
         if table is not None:
@@ -76,7 +79,9 @@ class RunAccount:
         """Return why the run is over; '' if it is not. `ticks`: the tick at which it ends."""
         if self._engine.over:
             return "harvested"
-        return "duration" if self._engine.tick >= ticks else self.figures.fault
+        if self._engine.tick >= ticks:
+            return "duration"
+        return self.figures.fault
 
     def summary(
         self,

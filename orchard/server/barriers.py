@@ -64,7 +64,9 @@ class Barrier:
         `lag`: how late it begins, s.
         """
         self.tick = tick
-        self.missing = set(self._roster.owners if due is None else due)
+        if due is None:
+            due = self._roster.owners
+        self.missing = set(due)
 
     def expect(self, name: str) -> None:
         """Wait for an agent that a session has just taken.
@@ -230,7 +232,10 @@ class RealtimeBarrier(Barrier):
     def take(self, name: str, owner: str, tick: int, report: Report) -> None:
         """Take the action of an owned agent. Raises Refused if it does not count."""
         self._refuse_other_owner(name, owner)
-        last = self._newest[name].tick if name in self._newest else -1
+        if name in self._newest:
+            last = self._newest[name].tick
+        else:
+            last = -1
         if tick == last:
             if report == self._newest[name].report:
                 # A repetition, sent in case the first was lost.
@@ -320,9 +325,12 @@ def _with_unused(before: Report | None, report: Report) -> Report:
     """
     if before is None:
         return report
+    memory = report.memory
+    if memory is None:
+        memory = before.memory
     return replace(
         report,
-        memory=before.memory if report.memory is None else report.memory,
+        memory=memory,
         deeds=all_deeds(before.deeds, report.deeds),
         requests=[*before.requests, *report.requests],
         answers=[*before.answers, *report.answers],

@@ -83,7 +83,10 @@ class UnownedCommands:
         """Take a velocity for a robot. Raises Refused if it names an owner, or for its tick."""
         if velocity.owner:
             raise Refused("not owned", "no session owns this agent; join first")
-        newest_put = self._puts[name].tick if name in self._puts else 0
+        if name in self._puts:
+            newest_put = self._puts[name].tick
+        else:
+            newest_put = 0
         refuse_other_tick(velocity.tick, max(self._recent.oldest, newest_put), self._recent.newest)
         self._puts[name] = _Put(velocity.tick, twist_of(velocity), self._recent.clock())
         self._deeds[name] = all_deeds(self._deeds.get(name, []), velocity.deeds)
@@ -116,7 +119,10 @@ class Advised:
 
         Raises Refused if it is too old, older than the last one, or of the future.
         """
-        last = self._newest[name].tick if name in self._newest else 0
+        if name in self._newest:
+            last = self._newest[name].tick
+        else:
+            last = 0
         refuse_other_tick(advice.tick, max(last, tick - WATCHDOG_TICKS + 1), tick)
         self._newest[name] = advice
 

@@ -33,7 +33,10 @@ class RunClock:
 
     def __call__(self) -> float:
         """Return the time, s, without that of pauses."""
-        now = self._clock() if self._since is None else self._since
+        if self._since is None:
+            now = self._clock()
+        else:
+            now = self._since
         return now - self._paused
 
     @property
@@ -115,7 +118,9 @@ class SimulationControl:
             return "quitting"
         if self.clock.is_paused:
             return "paused"
-        return "playing" if self._begun else "stopped"
+        if self._begun:
+            return "playing"
+        return "stopped"
 
     def begin(self) -> None:
         """Record that the first tick is about to be published."""

@@ -79,8 +79,11 @@ class Drivers:
 
         Return name -> why it cannot; empty if it holds all.
         """
-        reasons = {name: self.roster.may_join(name, owner) for name in names}
-        refused = {name: why for name, why in reasons.items() if why}
+        refused = {}
+        for name in names:
+            why = self.roster.may_join(name, owner)
+            if why:
+                refused[name] = why
         before = self.roster.sessions
         if not refused:
             for name in names:
@@ -116,9 +119,12 @@ class Drivers:
         """
         missing = self.answers.give_up()
         silent = [owner for owner, names in self.due.items() if missing.issuperset(names)]
+        released = set(missing)
         # Another session may have taken agents over from a silent one.
-        theirs = {name for name, owner in self.roster.owners.items() if owner in silent}
-        self.release(missing | theirs)
+        for name, owner in self.roster.owners.items():
+            if owner in silent:
+                released.add(name)
+        self.release(released)
 
     def miss(self, names: Collection[str]) -> None:
         """Note that lockstep does not wait for these agents from now on."""
@@ -175,7 +181,10 @@ class Drivers:
 
     def _show(self, seen: Observations, due: Mapping[str, Sequence[str]]) -> None:
         """Publish a tick. `due`: session id -> its agents that are asked."""
-        asked = self.recovery_log.asked(seen.tick - 1) if due else []
+        if due:
+            asked = self.recovery_log.asked(seen.tick - 1)
+        else:
+            asked = []
         self._publisher.show(seen, due, asked)
         views = {"truth": self._engine.truth, "odometry": self._engine.odometry}
         self._publisher.publish_tick(seen, views)

@@ -112,7 +112,9 @@ class Queries:
         _refuse_other_session(join.owner, session)
         drivers = self._run.drivers
         refused = drivers.join(join.names, join.owner)
-        owned = [] if refused else join.names
+        owned = join.names
+        if refused:
+            owned = []
         known = drivers.memories()
         memories = {name: known.get(name) for name in owned}
         query.reply(pack(wire.Joined(self._run.id, self._run.engine.tick, memories, refused)))
@@ -136,8 +138,14 @@ class Queries:
         request = read_message(query.payload, wire.Stop, run.id)
         run.report()
         with refused_for("no such robot"):
-            changed = engine.stop(request.names) if request.stop else engine.reset(request.names)
-        kept = run.keep_at_once() if changed else run.is_kept()
+            if request.stop:
+                changed = engine.stop(request.names)
+            else:
+                changed = engine.reset(request.names)
+        if changed:
+            kept = run.keep_at_once()
+        else:
+            kept = run.is_kept()
         query.reply(pack(wire.Stopped(run.id, engine.tick, changed, stopped(engine.world), kept)))
 
     def _set_simulation_state(self, query: Query) -> None:

@@ -49,7 +49,9 @@ class RunLoop:
         self.arrivals = Inbound(bus, keys, self.run)
         self._drivers = self.run.drivers
         # Before the first tick not all had come.
-        self._owned_before = before.owned if before and engine.tick > 0 else None
+        self._owned_before: list[str] | None = None
+        if before and engine.tick > 0:
+            self._owned_before = before.owned
         self._clock = self.run.control.clock
         self._pacer = Pacer(options.pace, self._clock)
         # The options with which the run begins again after its end; None: it does not.
@@ -85,9 +87,12 @@ class RunLoop:
 
     def _options_after(self, reset: RunReset) -> RunOptions:
         """Return the options with which the run begins again, at the same endpoint."""
+        listen: str | None = self.bus.endpoint
+        if self.options.connect:
+            listen = self.options.listen
         return msgspec.structs.replace(
             self.options,
-            listen=self.options.listen if self.options.connect else self.bus.endpoint,
+            listen=listen,
             scenario=reset.scenario,
             run=self.run.id,
             resume=False,
@@ -107,7 +112,10 @@ class RunLoop:
         self.run.publisher.send_bundle(end.tick)
         self.run.publisher.publish("end", end)
         self.arrivals.leave()
-        self._await_leaving(end, LEAVE_SECONDS if why != RESET else self.options.patience)
+        if why == RESET:
+            self._await_leaving(end, self.options.patience)
+        else:
+            self._await_leaving(end, LEAVE_SECONDS)
         return end
 
     def gather(self) -> None:
@@ -187,10 +195,14 @@ class RunLoop:
         drivers = self._drivers
         answers = drivers.answers
         again_at = self._clock() + AGAIN_SECONDS
-        warn_at = self._clock() + WARN_SECONDS if answers.deadline < math.inf else math.inf
+        warn_at = math.inf
+        if answers.deadline < math.inf:
+            warn_at = self._clock() + WARN_SECONDS
         while answers.missing:
             until = min(answers.deadline, again_at)
-            enough = 1 if len(self.bus.inbox) else len(drivers.silent())
+            enough = 1
+            if not len(self.bus.inbox):
+                enough = len(drivers.silent())
             self.arrivals.take(max(0.0, until - self._clock()), enough)
             now = self._clock()
             if now >= warn_at:

@@ -20,7 +20,9 @@ Duration = Annotated[float, Meta(gt=0.0, le=LAST_TICK * TIME_STEP)]  # s, simula
 
 def last_tick(duration: float | None) -> float:
     """Return the tick at which a run of this duration (s, simulated) ends; infinity without one."""
-    return math.inf if duration is None else round(duration / TIME_STEP)
+    if duration is None:
+        return math.inf
+    return round(duration / TIME_STEP)
 
 
 class RunOptions(ProcessOptions, frozen=True, kw_only=True):
@@ -95,9 +97,13 @@ class RunOptions(ProcessOptions, frozen=True, kw_only=True):
         """Simulated seconds per second of wall time."""
         if self.speed is not None:
             return self.speed
-        return 1.0 if self.mode == "realtime" else math.inf
+        if self.mode == "realtime":
+            return 1.0
+        return math.inf
 
     @property
     def snapshot_folder(self) -> Path | None:
         """The folder for snapshots; None if there are none."""
-        return None if self.snapshots is None else Path(self.snapshots)
+        if self.snapshots is None:
+            return None
+        return Path(self.snapshots)

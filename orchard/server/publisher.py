@@ -167,7 +167,8 @@ class Publisher:
         self._bundled_at = self._bus.clock()
         if any(self._bundle.values()):
             self.publish("bundle", Bundle(self.run, tick, *self._bundle.values()))
-            self._bundle = {kind: [] for kind in self._bundle}
+            for kind in self._bundle:
+                self._bundle[kind] = []
 
     # -- subscribers
 

@@ -133,7 +133,9 @@ class RecoveryLog:
 
         They hear requests of the last tick, and replies to those before.
         """
-        names = {asked.to for asked in self.asked(tick - 1)}
+        names = set()
+        for asked in self.asked(tick - 1):
+            names.add(asked.to)
         for name, letters in self.letters.get(tick - 2, {}).items():
             if letters.requests:
                 names.add(name)

@@ -58,8 +58,13 @@ class PhysicsRun:
         if options.without:
             self._elsewhere = select_agents(engine.layout.agents, options.without, [])
         # The agents that had a session before. Some may not come back.
-        self._owned_before = before.owned if before else []
-        self.refusal_totals = RefusalTotals(before.figures.get("refused") if before else None)
+        if before:
+            self._owned_before = before.owned
+        else:
+            self._owned_before = []
+        self.refusal_totals = RefusalTotals()
+        if before is not None:
+            self.refusal_totals = RefusalTotals(before.figures.get("refused"))
         clock = RunClock(bus.clock)
         if options.paused:
             clock.pause()
@@ -160,7 +165,10 @@ class PhysicsRun:
         """Write a snapshot of the run as it is, unless it has no folder for snapshots."""
         engine = self.engine
         drivers = self.drivers
-        owned = sorted(drivers.roster.owners) if self.has_begun else self._owned_before
+        if self.has_begun:
+            owned = sorted(drivers.roster.owners)
+        else:
+            owned = self._owned_before
         figures = self.account.figures.as_data() | {"refused": self.refusal_totals.as_data()}
         snapshot = Snapshot(
             run=self.id,

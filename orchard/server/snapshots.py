@@ -101,7 +101,10 @@ class SnapshotWriter:
             self._writing.cancel()
         name, content = as_file(snapshot)
         self._is_keyframe = snapshot.tick % self._keyframe_ticks == 0
-        names = [name, name.replace(SNAPSHOT, KEYFRAME)] if self._is_keyframe else [name]
+        if self._is_keyframe:
+            names = [name, name.replace(SNAPSHOT, KEYFRAME)]
+        else:
+            names = [name]
         self._writing = self._executor.submit(
             self._store, names, content, self.folder, snapshot.run
         )

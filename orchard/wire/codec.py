@@ -83,11 +83,13 @@ def seen_of(
     `asked`: the requests that they hear now.
     """
     names = [name for name in due if name in seen.names]
-    bodies = [seen.names[name] for name in names]
-    states = b"".join([seen.states[body].tobytes() for body in bodies])
-    ranges = b"".join([seen.scans[body].tobytes() for body in bodies])
+    states = []
+    ranges = []
     hitches = {}
     for name in names:
+        body = seen.names[name]
+        states.append(seen.states[body].tobytes())
+        ranges.append(seen.scans[body].tobytes())
         hitch = seen.hitches.get(name)
         if hitch is not None:
             hitches[name] = _other_seen(hitch)
@@ -97,8 +99,8 @@ def seen_of(
         tick=seen.tick,
         due=list(due),
         names=names,
-        states=states,
-        ranges=ranges,
+        states=b"".join(states),
+        ranges=b"".join(ranges),
         hitches=hitches,
         fills=fills,
         full=[name for name in fills if name in seen.full],
@@ -115,7 +117,9 @@ def _of(names: Sequence[str], values: Mapping[str, float]) -> dict[str, float]:
 
 def _other_seen(hitch: Hitch) -> wire.OtherSeen:
     """Return the message for the body at the other end of the bar."""
-    ranges = None if hitch.scan is None else hitch.scan.tobytes()
+    ranges = None
+    if hitch.scan is not None:
+        ranges = hitch.scan.tobytes()
     return wire.OtherSeen(hitch.name, (hitch.x, hitch.y, *hitch.orientation, *hitch.twist), ranges)
 
 
@@ -189,19 +193,19 @@ def orchard_of(run: str, tick: int, layout: Layout) -> wire.Orchard:
     """Return the message for a layout."""
     rows = [(ROW_WEST, lane.y, layout.row_east, lane.y) for lane in layout.lanes]
     picked = {name: list(block.rows) for name, block in layout.blocks.items()}
-    bodies = [
-        wire.BodyStart(
+    bodies = []
+    for start in layout.starts:
+        body = wire.BodyStart(
             name=start.name,
             kind=start.kind,
             pose=_pose_of(start.pose),
             bin=start.bin,
             rows=picked.get(start.name, []),
         )
-        for start in layout.starts
-    ]
-    kinds = {
-        name: _kind_of_body(kind, layout.machines[name]) for name, kind in sorted(KINDS.items())
-    }
+        bodies.append(body)
+    kinds = {}
+    for name, kind in sorted(KINDS.items()):
+        kinds[name] = _kind_of_body(kind, layout.machines[name])
     walls = [tuple(wall) for wall in layout.walls.tolist()]
     return wire.Orchard(run=run, tick=tick, walls=walls, rows=rows, bodies=bodies, kinds=kinds)
 
@@ -244,7 +248,9 @@ def picture_of(run: str, frame: Frame) -> wire.TickStateMessage:
     seldom: dict[str, Any] = {}
     for name in SELDOM:
         array = getattr(frame, name)
-        seldom[name] = None if array is None else array.tolist()
+        seldom[name] = None
+        if array is not None:
+            seldom[name] = array.tolist()
     return wire.TickStateMessage(
         run=run,
         tick=frame.tick,
@@ -311,9 +317,11 @@ def _fits(
     if picture.waiting_bins > (load_out.empty_bins or 0):
         return False
     if picture.scans is not None:
-        sizes = [RANGE * _beams_of(name) for name in layout.names]
-        if [len(scan) for scan in picture.scans] != sizes:
+        if len(picture.scans) != bodies:
             return False
+        for name, scan in zip(layout.names, picture.scans, strict=True):
+            if len(scan) != RANGE * _beams_of(name):
+                return False
     return len(poses) == bodies
 
 

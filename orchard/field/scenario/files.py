@@ -27,7 +27,9 @@ def parse(text: str, source: str = "scenario") -> Scenario:
     8
     """
     values, lines, repeated = values_of(text, source)
-    scenario = check({} if values is None else values, source, lines, repeated)
+    if values is None:
+        values = {}
+    scenario = check(values, source, lines, repeated)
     return with_effect(scenario, source, lines)
 
 

@@ -326,10 +326,13 @@ class Scenario(Section):
     def work_is_drawn(self) -> bool:
         """Whether the seed changes how long robots work."""
         spreads = (self.picking.spread, self.picking.spread_of_pickers)
-        if any(spread.distribution != "none" for spread in spreads):
-            return True
-        failures = (self.picking.failure, self.carrying.failure)
-        return any(failure.mean_between is not None for failure in failures)
+        for spread in spreads:
+            if spread.distribution != "none":
+                return True
+        for failure in (self.picking.failure, self.carrying.failure):
+            if failure.mean_between is not None:
+                return True
+        return False
 
     @property
     def bodiless_agents(self) -> tuple[str, ...]:
@@ -415,7 +418,10 @@ class Scenario(Section):
             f"a way to the load-out and back uses {used:.2g} of a battery; must be less than"
             f" {1.0 - battery.reserve:.2g}, what is above the reserve"
         )
-        key = "metres" if load_out.seconds_away is None else "seconds_away"
+        if load_out.seconds_away is None:
+            key = "metres"
+        else:
+            key = "seconds_away"
         keys = ("carrying.battery.hours", "carrying.battery.reserve", f"load_out.{key}")
         self._demand(used < 1.0 - battery.reserve, text, *keys)
 
@@ -454,11 +460,10 @@ class Scenario(Section):
             *CROP,
         )
         for ways in WAYS:
-            for pair in combinations([way[0] for way in ways], 2):
-                is_one = None in [value_at(self, field) for field in pair]
-                self._demand(
-                    is_one, "at most one of both can be set: each says what the other is", *pair
-                )
+            for (first, *_), (second, *_) in combinations(ways, 2):
+                is_one = value_at(self, first) is None or value_at(self, second) is None
+                text = "at most one of both can be set: each says what the other is"
+                self._demand(is_one, text, first, second)
         self._demand_bins_of_a_usual_size()
         text = f"must be at most the speed at which pickers drive, {self.top_picking_speed:g} m/s"
         is_met = self.picking_speed is None or self.picking_speed <= self.top_picking_speed
@@ -514,7 +519,10 @@ class Scenario(Section):
             wanted = f"cv must be at most {math.floor(most * 1e6) / 1e6:g}"
         else:
             wanted = "the distribution must be none"
-        speed = "picking_speed" if self.picking_rate is None else "picking_rate"
+        if self.picking_rate is None:
+            speed = "picking_speed"
+        else:
+            speed = "picking_rate"
         text = f"{wanted} at this {speed}, because no picker picks faster than {top:g} m/s"
         keys = (speed, f"{path}.distribution", f"{path}.cv")
         self._demand(spread.cv <= most + 1e-9, text, *keys)

@@ -567,20 +567,22 @@ class Prices(Section):
     @property
     def are_of_pickers(self) -> bool:
         """Whether a picker costs something."""
-        paid = (self.picker_per_hour, self.picker_per_bin, self.picker_least_per_day)
-        return self.picker_bought.price is not None or any(price is not None for price in paid)
+        return _is_any_set(
+            self.picker_per_hour,
+            self.picker_per_bin,
+            self.picker_least_per_day,
+            self.picker_bought.price,
+        )
 
     @property
     def are_of_carriers(self) -> bool:
         """Whether a carrier costs something."""
-        paid = (self.carrier_per_hour, self.carrier_per_day)
-        return self.carrier_bought.price is not None or any(price is not None for price in paid)
+        return _is_any_set(self.carrier_per_hour, self.carrier_per_day, self.carrier_bought.price)
 
     @property
     def are_set(self) -> bool:
         """Whether anything costs something."""
-        others = (self.overhead_per_hour, self.overhead_per_day, self.per_bin)
-        is_other = any(price is not None for price in others)
+        is_other = _is_any_set(self.overhead_per_hour, self.overhead_per_day, self.per_bin)
         return is_other or self.are_of_pickers or self.are_of_carriers
 
     @property
@@ -590,3 +592,8 @@ class Prices(Section):
 
 
 BY_THE_DAY = ("picker_least_per_day", "carrier_per_day", "overhead_per_day")
+
+
+def _is_any_set(*prices: float | None) -> bool:
+    """Whether one of these prices is set."""
+    return any(price is not None for price in prices)

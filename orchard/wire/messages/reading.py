@@ -23,7 +23,10 @@ def read(payload: bytes, type_: type[M]) -> M:
     Traceback (most recent call last):
     msgspec.ValidationError: Object contains unknown field `step`
     """
-    most = LARGEST_OF_MANY if type_ in (Joined, Bundle) else MAX_PAYLOAD
+    if type_ in (Joined, Bundle):
+        most = LARGEST_OF_MANY
+    else:
+        most = MAX_PAYLOAD
     if len(payload) > most:
         raise ValueError(f"{len(payload)} bytes; at most {most}")
     message: M = unpack(payload, type_)

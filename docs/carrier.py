@@ -9,13 +9,13 @@ from orchard.field import layout
 from orchard.field.kinds import KINDS
 from orchard.field.queue import BAY_STOP, ONE_WAY, PITCH, TOP_ROAD
 from orchard.field.scenario import Scenario
-from orchard.plans import forecast, steps
+from orchard.plans import driving, forecast, handling, steps
 from orchard.plans.robot import LOOK_AGAIN, PATIENCE, Step
 from orchard.plans.route import OneWay
 
 _ROUTE = OneWay(layout.lay_out(Scenario(route=ONE_WAY)))
 _EAST, _WEST, _QUEUE = _ROUTE.east, _ROUTE.west, _ROUTE.queue
-_LOOK = steps.MOST_AHEAD
+_LOOK = driving.MOST_AHEAD
 
 
 def _freed(plan: list[Step], place: str) -> float:
@@ -89,7 +89,7 @@ on D after the turn.
   {bin_agent.ASK_AGAIN} until a carrier has coupled the bin. After any other answer, or
   {bin_agent.GIVE_UP} without one, it asks anew.
 - `confirm`, carrier to its full bin: {PATIENCE}, until it is answered.
-- `emptybin`, picker to its full bin: {steps.SELDOM}, while it waits. Answer: `carrier`.
+- `emptybin`, picker to its full bin: {handling.SELDOM}, while it waits. Answer: `carrier`.
 - `here`, carrier to the picker: {PATIENCE}, until `yes`.
 - `state`, carrier to its full bin: {LOOK_AGAIN}, before D's place; {PATIENCE} in the bay. Answer:
   `binstate`.

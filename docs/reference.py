@@ -18,7 +18,7 @@ from orchard.field.queue import BAY_STOP, CLOSED_UP, ONE_WAY, PITCH, TOP_ROAD, U
 from orchard.field.repeatable import PI, QUARTER
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.field.survey import TRUNK
-from orchard.plans import robot, sense, steps
+from orchard.plans import driving, robot, sense
 from orchard.plans.route import OneWay
 from orchard.plans.two_way import TwoWay
 from orchard.sim import deeds
@@ -412,7 +412,7 @@ def _places(route: OneWay) -> str:
         (
             "carrier waits for a lane's place",
             (
-                f"{route.HOLD:g} m before the lane; it asks for the place {steps.LOOK_AHEAD:g} s"
+                f"{route.HOLD:g} m before the lane; it asks for the place {driving.LOOK_AHEAD:g} s"
                 " before that"
             ),
         ),

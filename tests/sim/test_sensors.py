@@ -22,7 +22,8 @@ from orchard.field.problems import ScenarioError
 from orchard.field.scenario import TIME_STEP, Scenario, parse, with_changes
 from orchard.local import Local
 from orchard.plans.estimate import GAIN, place_of
-from orchard.plans.steps import SEARCH, DriveTo, Fill, LeaveBin, TakeBin
+from orchard.plans.handling import SEARCH
+from orchard.plans.steps import DriveTo, Fill, LeaveBin, TakeBin
 from orchard.report.metrics import collisions
 from orchard.sim.lookahead import CheckedHolds, IgnoredHolds
 from orchard.sim.scan import observe

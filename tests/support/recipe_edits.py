@@ -95,9 +95,9 @@ def test_a_bin_hears_how_long_its_picker_waits():
 A_MESSAGE = [
     Edit("orchard/contract/messages.py", "class Here(AgentMessage):\n", HURRY),
     Edit("orchard/contract/messages.py", "    | Here\n", "    | Here\n    | Hurry\n"),
-    Edit("orchard/plans/steps.py", "    Here,\n", "    Here,\n    Hurry,\n"),
+    Edit("orchard/plans/handling.py", "    Here,\n", "    Here,\n    Hurry,\n"),
     Edit(
-        "orchard/plans/steps.py",
+        "orchard/plans/handling.py",
         "            answer = robot.ask(memory.full_bin, EmptyBin(), every=SELDOM)\n",
         "            answer = robot.ask(memory.full_bin, EmptyBin(), every=SELDOM)\n"
         "            robot.ask(memory.full_bin, Hurry(0.0), every=SELDOM)\n",

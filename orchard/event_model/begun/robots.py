@@ -20,6 +20,7 @@ from orchard.field.queue import BESIDE
 from orchard.field.scenario import TIME_STEP
 from orchard.field.ticks import BIN_FOLLOWS
 from orchard.plans import steps as st
+from orchard.plans.handling import EXCHANGE
 from orchard.plans.robot import ASK, PATIENCE, Step
 from orchard.sim.world import NONE
 
@@ -394,7 +395,7 @@ class Robots:
             me.state = c.WAITING_FOR_BIN
             me.alarm = None
             return
-        begun = me.memory.asked.get(st.EXCHANGE)
+        begun = me.memory.asked.get(EXCHANGE)
         if begun is not None:
             me.op += 1
             self._last(me, begun + int(self.ops.ticks[me.op]))

@@ -12,7 +12,7 @@ from orchard.behaviour import bin, carrier, dispatcher
 from orchard.dispatch import ranking
 from orchard.event_model import codes, columns, swing
 from orchard.field import geometry
-from orchard.plans import failures, forecast, robot, sense, steps
+from orchard.plans import driving, failures, forecast, handling, robot, sense
 from orchard.sim.kernels.jit import jit
 
 # Modules of which constants are part of the code. Those of `orchard.field` that are count for all
@@ -26,7 +26,8 @@ CONSTANTS_OF = (
     forecast,
     robot,
     sense,
-    steps,
+    driving,
+    handling,
     codes,
     columns,
     swing,

@@ -36,10 +36,10 @@ from orchard.event_model.kernel.roads import (
 )
 from orchard.event_model.swing import CARRIER
 from orchard.field.scenario import TIME_STEP
-from orchard.plans import failures, steps
+from orchard.plans import driving, failures
 from orchard.plans.robot import ASK, LOOK_AGAIN
 
-asked_ahead = inner(steps.asked_ahead)
+asked_ahead = inner(driving.asked_ahead)
 is_asked_for = inner(failures.is_asked_for)
 is_freed = inner(failures.is_freed)
 

@@ -40,7 +40,7 @@ _OF_THE_GROUND = (
     "bins_per_row",
     "crop",
 )
-_OF_THE_ROWS = ("pickers", "rows_to_pickers", "order_in_row")
+_OF_THE_ROWS = ("pickers", "picker_absences", "rows_to_pickers", "order_in_row")
 # What cannot change under way -> why.
 FIXED: Mapping[str, str] = {
     **dict.fromkeys(_OF_THE_GROUND, _GROUND),

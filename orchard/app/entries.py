@@ -18,7 +18,7 @@ from orchard.field.survey import row_width_of, spacing_of
 from orchard.study.words import none_words
 
 # These come from a file, and are not entered on the page.
-FROM_FILE = (*AGENTS, "survey", "picker_rates")
+FROM_FILE = (*AGENTS, "survey", "picker_rates", "picker_absences")
 # Sections with names that belong to the labels of their values.
 NEEDED = ("laser", "odometry")
 # Labels of values for which the words of the file are too short for a reader of the page.

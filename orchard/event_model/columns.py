@@ -54,6 +54,8 @@ OP = np.dtype(
         # repair. 0: it does not fail.
         ("mean_between", np.float64),
         ("mean_repair", np.float64),
+        # Of a drive: its robot may leave on it.
+        ("may_leave", np.bool_),
         # Of MAY_CHARGE: the charge, 0 to 1, at which the carrier must charge.
         ("reserve", np.float64),
     ],
@@ -378,6 +380,9 @@ DESK = np.dtype(
 # Shares of the mean times up to a failure, and of its repair.
 FAILURE = np.dtype([("until", np.float64), ("repair", np.float64)])
 
+# When a robot is away: from and to, s since the harvest began.
+ABSENCE = np.dtype([("begin", np.float64), ("end", np.float64)])
+
 # A robot drives so many metres, and then stands so many ticks for somebody in its way.
 ENCOUNTER = np.dtype([("metres", np.float64), ("ticks", np.int64)])
 # For how many ticks it stands before a turn, without a bin on its bar and with one.
@@ -419,6 +424,7 @@ ARRAYS = {
     "ways": (np.float64, 2),
     "speeds": (np.float64, 1),
     "failures": (FAILURE, 2),
+    "absences": (ABSENCE, 2),
     "encounters": (ENCOUNTER, 2),
     "looks": (LOOK, 2),
     "robots": (ROBOT, 1),
@@ -459,6 +465,8 @@ class Model(NamedTuple):
     speeds: Any
     # (r, draws) of each robot, its failures in order.
     failures: Any
+    # (r, absences) of each robot; unused ones are 0 to 0.
+    absences: Any
     # (r, draws) of people and animals; none if nobody is about.
     encounters: Any
     looks: Any

@@ -30,6 +30,7 @@ CONSTANT = (
     "ways",
     "speeds",
     "failures",
+    "absences",
     "encounters",
     "looks",
 )

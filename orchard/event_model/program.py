@@ -418,7 +418,7 @@ class Program:
     @_write.register
     def _(self, step: st.MayFail, writer: Writer) -> None:
         scenario = self.layout.scenario
-        if step.seed != scenario.seed or not has_failures(scenario):
+        if step.mean_between and (step.seed != scenario.seed or not has_failures(scenario)):
             if self._own_failure_seed not in (None, step.seed):
                 raise NotImplementedError("the event model knows one seed of failures")
             self._own_failure_seed = step.seed

@@ -18,6 +18,7 @@ from orchard.event_model.program import Program
 from orchard.field.kinds import DISPATCH, EIGHTH, KINDS
 from orchard.field.layout import KEPT_LAYOUTS, Geometry, Layout
 from orchard.field.machines import haul_charge
+from orchard.field.picking import absences_of
 from orchard.field.placement import Start
 from orchard.plans.routes import ROUTES
 
@@ -109,6 +110,7 @@ def _initial(
         ways=program.ways,
         speeds=np.zeros(len(layout.lanes)),
         **draws(layout, [start.name for start in starts], 0, None),
+        absences=_absences(layout, [start.name for start in starts]),
         robots=_robots(program, starts, bin_names),
         sets=np.zeros((c.SETS, count, program.places.words), np.uint64),
         scratch=np.zeros((2, program.places.words), np.uint64),
@@ -125,6 +127,17 @@ def _initial(
         trips=np.zeros(exchanges, columns.TRIP).view(np.recarray),
         log=np.zeros(0, columns.LOG).view(np.recarray),
     )
+
+
+def _absences(layout: Layout, names: Sequence[str]) -> Any:
+    """Return when each robot is away, (r, most). A robot with fewer has some that never are."""
+    of_robots = [absences_of(layout.scenario, name) for name in names]
+    most = max(map(len, of_robots))
+    absences = np.zeros((len(names), most), columns.ABSENCE).view(np.recarray)
+    for robot, given in enumerate(of_robots):
+        for number, (begin, end) in enumerate(given):
+            absences[robot, number] = (begin, end)
+    return absences
 
 
 def _robots(program: Program, starts: Sequence[Start], bin_names: list[str]) -> Any:

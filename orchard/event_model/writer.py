@@ -64,13 +64,17 @@ def handling(step: Step, writer: Writer) -> dict[str, int]:
     return {"handles": handles.ticks, "handles_at_rest": handles.at_rest}
 
 
-def failing(writer: Writer) -> dict[str, float]:
-    """Return the columns of a drive that tell how its robot may fail on it."""
+def failing(writer: Writer) -> dict[str, Any]:
+    """Return the columns of a drive that tell how its robot may fail on it, or leave."""
     step = writer.may_fail
     writer.may_fail = None
     if step is None:
         return {}
-    return {"mean_between": step.mean_between, "mean_repair": step.mean_repair}
+    return {
+        "mean_between": step.mean_between,
+        "mean_repair": step.mean_repair,
+        "may_leave": bool(step.absences),
+    }
 
 
 # -- drives

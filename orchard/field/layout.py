@@ -355,6 +355,10 @@ class Layout:
         """Return a row's lane. Rows count from 1 at the top."""
         return self.lanes[number - 1]
 
+    def picker_of(self, row: int) -> str:
+        """Return the picker that picks a row."""
+        return next(name for name, block in self.blocks.items() if row in block.rows)
+
     def beyond(self, row: int, side: str) -> float:
         """Return the metres from the end of a row to the furthest end of a row on that side.
 

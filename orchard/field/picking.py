@@ -15,6 +15,8 @@ from orchard.field.scenario import Scenario, Spread
 
 # What is drawn for a robot: this, and its name.
 FAILING = "failure of "
+# When somebody is away: begins and ends, s since the harvest began.
+Absences = tuple[tuple[float, float], ...]
 # Pairs of random numbers, uniform in [0, 1).
 Chances = Iterator[list[float]]
 
@@ -29,6 +31,12 @@ def picker_speed_of(scenario: Scenario, picker: str) -> float:
     """Return the mean speed at which a picker picks its rows, m/s."""
     mean = scenario.mean_picking_speed * scenario.picker_rates.get(picker, 1.0)
     return _slowed(scenario, scenario.picking.spread_of_pickers, picker, mean)
+
+
+def absences_of(scenario: Scenario, robot: str) -> Absences:
+    """Return when a robot is away, s since the harvest began."""
+    absences = scenario.picker_absences.get(robot, ())
+    return tuple((3600.0 * begin, 3600.0 * end) for begin, end in absences)
 
 
 def _slowed(scenario: Scenario, spread: Spread, what: str, mean: float) -> float:

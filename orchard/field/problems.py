@@ -37,9 +37,15 @@ _MAPS = {
         "a map of pickers and their rates as shares of the usual one: {picker_03: 0.5}",
         "a number from 0.05 to 20: the share of the usual rate",
     ),
+    "picker_absences": (
+        "a map of pickers and the hours of work between which they are away: {picker_03: [[0,"
+        " 4.5]]}",
+        "pairs of hours of work, from and to, 0 to 2000: [[0, 4.5]]",
+    ),
 }
 # What is wrong with a key of such a map.
 _NOT_A_NAME = {
+    "picker_absences": "not the name of a picker, such as picker_01",
     "picker_rates": "not the name of a picker, such as picker_01",
     "agents": f"not a kind ({', '.join(KINDS)}) and not a name such as picker_01",
     "agents_without_body": "not a name: small letters, digits and _, beginning with a letter",

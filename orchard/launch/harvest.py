@@ -17,6 +17,7 @@ from orchard.launch.result import report
 from orchard.launch.run_folder import RunFolder, alone
 from orchard.launch.web_ports import check_ports
 from orchard.net.endpoints import BusError
+from orchard.report.late_absences import notes_on_absences
 from orchard.report.progress import Progress
 from orchard.report.rare_truck import notes_on_truck
 from orchard.report.summary import SUMMARY
@@ -60,7 +61,8 @@ def _request(chosen: HarvestOptions, beginning: Beginning, runs: RunFolder) -> R
     """
     layout = lay_out(beginning.scenario)
     check_plugins(layout)
-    for note in (*notes_on([beginning.scenario.dispatch]), *notes_on_truck(layout)):
+    of_dispatch = notes_on([beginning.scenario.dispatch])
+    for note in (*of_dispatch, *notes_on_truck(layout), *notes_on_absences(layout)):
         print_error(note)
     recording = runs.recording(chosen.record)
     if chosen.resume is None:

@@ -1,14 +1,20 @@
-"""How a failure splits a drive: for the step `MayFail`, and for the event model, which compiles
-these functions.
+"""How a failure or an absence splits a drive: for the step `MayFail`, and for the event model,
+which compiles these functions.
 
 All positions are along the axis of the drive, m.
 """
 
+from math import inf
+
 # m past a gate at which a robot that stands is clear of one that turns behind it. No laser sees
 # the front corner of the turning robot.
 CLEAR_OF_TURNS = 3.0
+# m past such a gate at which a robot has given its places back, so that it may leave.
+OFF_THE_ROAD = CLEAR_OF_TURNS + 0.1
 # s in one step of a repair. A run is jammed after 600 s without progress.
 LONGEST_WAIT = 300.0
+# s. A robot that comes back stands up to the tick, so of an absence less than this may remain.
+OVER = 1.0
 
 
 def work_left(until: float, worked: float) -> float:
@@ -17,6 +23,19 @@ def work_left(until: float, worked: float) -> float:
     `until`: from the last repair to the failure; `worked`: since that repair.
     """
     return max(0.0, until - worked)
+
+
+def work_until_away(begin: float, end: float, now: float, first: float, last: float) -> float:
+    """Return the time of work up to an absence, s; infinity if it does not begin on this drive.
+
+    `begin`, `end`: of the absence, and `now`: when the drive begins, s since the harvest began.
+    `first`, `last`: s of the drive between which the robot keeps no place on a road: one that
+    is away for long must not bar it.
+    """
+    work = max(first, begin - now)
+    if work > last or end - now - work < OVER:
+        return inf
+    return work
 
 
 def stop_of(here: float, distance: float, work: float, needed: float) -> float:

@@ -16,6 +16,7 @@ from orchard.field.kinds import KINDS
 from orchard.field.layout import EAST_START, Layout
 from orchard.field.machines import haul_charge
 from orchard.field.passes import Pass
+from orchard.field.picking import Absences, absences_of
 from orchard.field.queue import BESIDE, ONE_WAY, TOP_ROAD
 from orchard.field.rows import Block
 from orchard.field.scenario import Failure
@@ -377,13 +378,14 @@ class OneWay:
         if came_over or self._is_swept(row, opposite):
             frees = self.cleared(row, opposite)
         cross = self.cross(side, row, self.hold(row, side))
-        picking = self.layout.scenario.picking
         through = st.Say(f"driving through row {row}", "driving")
         steps: list[Step] = []
         if one.begin != self.end(row, opposite):
             steps += [through, st.DriveTo(x=one.begin, needs=cross, frees=frees)]
         steps.append(st.Say(f"picking row {row}", "picking"))
-        steps += self.may_fail(picking.failure)
+        scenario = self.layout.scenario
+        absences = absences_of(scenario, self.layout.picker_of(row))
+        steps += self.may_fail(scenario.picking.failure, absences)
         steps.append(st.DriveTo(x=one.stop, speed=speed, needs=cross, frees=frees))
         if one.stop != end:
             steps += [through, st.DriveTo(x=end, needs=cross, frees=frees)]
@@ -415,12 +417,15 @@ class OneWay:
             st.Free([side.place("F", row)]),
         ]
 
-    def may_fail(self, failure: Failure) -> list[Step]:
-        """Return the step before a drive, if robots fail on it in this scenario."""
-        if failure.mean_between is None:
+    def may_fail(self, failure: Failure, absences: Absences = ()) -> list[Step]:
+        """Return the step before a drive, if its robot may fail on it or leave.
+
+        `absences`: when the robot is away.
+        """
+        if failure.mean_between is None and not absences:
             return []
         seed = self.layout.scenario.seed
-        return [st.MayFail(seed, failure.mean_between, failure.mean_repair)]
+        return [st.MayFail(seed, failure.mean_between or 0.0, failure.mean_repair, absences)]
 
     def fill(self, metres: float) -> list[Step]:
         """Return the step before a picker leaves its bin, if it is not sure of its place.

@@ -16,6 +16,7 @@ plan in a memory may hold.
 
 from collections.abc import Sequence
 from functools import cache, reduce
+from math import inf
 from operator import or_
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast, get_args
 
@@ -179,45 +180,90 @@ class Alone(Step, frozen=True):
 
 
 class MayFail(Step, frozen=True):
-    """Decide, before a robot drives, whether it fails on the way. Then add its repair."""
+    """Decide, before a robot drives, whether it fails or leaves on the way. Then add its repair, or
+    the time for which it is away.
+    """
 
     seed: int
-    mean_between: float  #: s of work
+    mean_between: float  #: s of work; 0: it never fails
     mean_repair: float  #: s
+    #: When it is away: begins and ends, s since the harvest began.
+    absences: tuple[tuple[float, float], ...] = ()
     # The course is that of the drive that follows.
     keeps_course: ClassVar[bool] = True
 
     def act(self, robot: PlanExecutor) -> bool:
-        """Put a failure into the drive that follows, if one is due, and be done."""
+        """Put a failure or an absence into the drive that follows, if one is due, and be done."""
         memory = robot.memory
         drive = cast(DriveTo, memory.plan[1])
-        until, repair = failure(
-            self.seed, robot.seen.name, memory.failures, self.mean_between, self.mean_repair
-        )
         axis = drive.axis
         here = getattr(robot.pose, axis)
         distance = getattr(drive, axis) - here
-        # s of work: for the rest of the drive, and up to the failure.
+        # s of work: for the rest of the drive, up to an absence and up to a failure.
         needed = abs(distance) / drive.speed_of(robot.machine)
-        sound = failures.work_left(until, memory.worked)
-        if sound >= needed:
+        present, away = self._until_away(robot, drive, here, needed)
+        sound, repair = self._until_failure(robot)
+        if min(present, sound) >= needed:
             memory.worked += needed
+            return True
+        if present <= sound:
+            memory.worked += present
+            self._stand(robot, failures.stop_of(here, distance, present, needed), "away", away)
             return True
         memory.failures += 1
         memory.worked = 0.0
         stop = failures.stop_of(here, distance, sound, needed)
+        self._stand(robot, stop, "failed, is repaired", repair)
+        return True
+
+    def _until_away(
+        self, robot: PlanExecutor, drive: "DriveTo", here: float, needed: float
+    ) -> tuple[float, float]:
+        """Return the time of work up to an absence, and for how long it then is away, s.
+
+        `here`: along the axis of the drive, m; `needed`: for the drive, s.
+        """
+        distance = getattr(drive, drive.axis) - here
+        if not distance:
+            return inf, 0.0
+        seconds = needed / distance
+        off = failures.OFF_THE_ROAD / abs(distance) * needed
+        first = max([0.0, *((gate.at - here) * seconds + off for gate in drive.frees)])
+        last = min([needed, *((gate.at - here) * seconds for gate in drive.needs)])
+        now = robot.seen.tick * TIME_STEP
+        for begin, end in self.absences:
+            work = failures.work_until_away(begin, end, now, first, last)
+            if work < needed:
+                return work, end - now - work
+        return inf, 0.0
+
+    def _until_failure(self, robot: PlanExecutor) -> tuple[float, float]:
+        """Return the time of work up to the next failure, and for how long it is repaired, s."""
+        if not self.mean_between:
+            return inf, 0.0
+        memory = robot.memory
+        until, repair = failure(
+            self.seed, robot.seen.name, memory.failures, self.mean_between, self.mean_repair
+        )
+        return failures.work_left(until, memory.worked), repair
+
+    def _stand(self, robot: PlanExecutor, stop: float, doing: str, seconds: float) -> None:
+        """Put a stay of so many s at a place of the drive that follows into the plan."""
+        memory = robot.memory
+        drive = cast(DriveTo, memory.plan[1])
+        axis = drive.axis
+        distance = getattr(drive, axis) - getattr(robot.pose, axis)
         needs = [gate for gate in drive.needs if failures.is_asked_for(gate.at, stop, distance)]
         frees = [gate for gate in drive.frees if failures.is_freed(gate.at, stop)]
         robot.next(
             [
                 replace(drive, **{axis: stop}, needs=needs, frees=frees),
-                Say("failed, is repaired", "failed"),
-                Repair(repair),
+                Say(doing, "failed"),
+                Repair(seconds),
                 Say(memory.doing, memory.state),
                 self,
             ]
         )
-        return True
 
 
 class Repair(Step, frozen=True):

@@ -25,6 +25,7 @@ _PRICES = {
 }
 _NO_END = "a long run has no end; choose --horizon harvest, or another goal"
 _NO_LONG_RUN = "only the fast model can tell the long run; choose --horizon harvest"
+_ABSENCES = "a long run has no first hour; choose --horizon harvest"
 _SENSORS = "only the full model knows errors of sensors; choose --model full"
 
 
@@ -51,6 +52,8 @@ def _option_problems(settings: Sequence[Setting], options: StudyOptions) -> list
         problems.append(Problem("--goal cost_per_bin", _NO_PRICES, "prices"))
     if options.goal == "harvest_seconds" and is_long:
         problems.append(Problem("--goal harvest_seconds", _NO_END))
+    if is_long and any(setting.scenario.picker_absences for setting in settings):
+        problems.append(Problem("--horizon long", _ABSENCES, "picker_absences"))
     if options.model == "full":
         if is_long:
             problems.append(Problem("--model full", _NO_LONG_RUN))

@@ -7,6 +7,7 @@ from typing import Any
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
 from orchard.report.bounds import Bounds
+from orchard.report.late_absences import notes_on_absences
 from orchard.report.limits import full_bins
 from orchard.report.rare_truck import notes_on_truck
 from orchard.study.options import StudyOptions
@@ -129,10 +130,11 @@ class StudyNotes:
         ]
 
     def rare_truck(self, scenario: Scenario) -> list[str]:
-        """Return what follows if one harvest is over before the truck comes."""
+        """Return what follows if one harvest is over before the truck comes, or somebody leaves."""
         if self.options.horizon == "long":
             return []
-        return [*notes_on_truck(lay_out(scenario))]
+        layout = lay_out(scenario)
+        return [*notes_on_truck(layout), *notes_on_absences(layout)]
 
     def _words(self, i: int) -> str:
         return self.runs.settings[i].words or "the scenario"

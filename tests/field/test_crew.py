@@ -84,6 +84,12 @@ MISTAKES = [
     ("picker_rates: {anna: 0.5}", "picker_rates.anna: not the name of a picker"),
     ("picker_rates: {picker_01: fast}", "must be a number from 0.05 to 20: the share"),
     ("picker_rates: [0.5]", "must be a map of pickers and their rates"),
+    ("picker_absences: {picker_09: [[0, 1]]}", "must be pickers that there are, picker_01"),
+    ("picker_absences: {anna: [[0, 1]]}", "picker_absences.anna: not the name of a picker"),
+    ("picker_absences: {picker_01: 3}", "must be pairs of hours of work, from and to"),
+    ("picker_absences: {picker_01: [[0, x]]}", "must be pairs of hours of work, from and to"),
+    ("picker_absences: {picker_01: [[2, 1]]}", "picker_01: must be pairs of hours that go on"),
+    ("picker_absences: {picker_01: [[0, 2], [1, 3]]}", "must be pairs of hours that go on"),
     ("picker_rates: {picker_01: 2}", "a picker goes 0.001 to 1 m/s"),
     (
         "picking: {spread_of_pickers: {distribution: gamma}}",

@@ -68,7 +68,7 @@ def depart(m, robot):
     me.fails = False
     me.bin_asked = c.NONE
     me.meeting = me.here + me.clear
-    if op.mean_between > 0.0:
+    if op.mean_between > 0.0 or op.may_leave:
         may_fail(m, robot, speed_of(m, op))
     return drive_on(m, robot)
 

@@ -1,38 +1,79 @@
-"""Failures: on a drive a robot may fail, and is repaired where it stands.
+"""Failures and absences: on a drive a robot may fail, or leave, and stands until it goes on.
 
 `orchard.plans.failures` says how a failure splits the drive. Python fills the draws.
 """
 
+from math import inf
+
 from orchard.event_model import codes as c
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.motion import set_alarm, whole_ticks
+from orchard.event_model.kernel.places import tick_of
 from orchard.event_model.kernel.reports import hear_failed, hear_repaired, see_standing
+from orchard.field.ticks import TIME_STEP
 from orchard.plans import failures
+from orchard.plans.failures import OFF_THE_ROAD
 
 first_part = inner(failures.first_part)
 stop_of = inner(failures.stop_of)
 work_left = inner(failures.work_left)
+work_until_away = inner(failures.work_until_away)
 
 
 @inner
 def may_fail(m, robot, speed):
-    """Decide, before a robot drives at a speed, whether it fails on the way, and where."""
+    """Decide, before a robot drives at a speed, whether it fails or leaves on the way, and
+    where.
+    """
     me = m.robots[robot]
     op = m.ops[me.op]
-    draw = m.failures[robot, me.failures]
     distance = op.target - me.here
     needed = distance / speed
-    work = work_left(op.mean_between * draw.until, me.worked)
+    present = inf
+    if op.may_leave:
+        present = until_away(m, robot, speed)
+    sound = inf
+    if op.mean_between > 0.0:
+        sound = work_left(op.mean_between * m.failures[robot, me.failures].until, me.worked)
+    work = min(present, sound)
     if work >= needed:
         me.worked += needed
         return
-    me.failures += 1
-    me.worked = 0.0
     me.fails = True
     me.stop = stop_of(me.here, distance, work, needed)
-    me.repair = op.mean_repair * draw.repair
+    if present <= sound:
+        me.worked += present
+        return
+    me.repair = op.mean_repair * m.failures[robot, me.failures].repair
+    me.failures += 1
+    me.worked = 0.0
     if me.failures == m.failures.shape[1]:
         m.desk[0].lacks_draws = True
+
+
+@inner
+def until_away(m, robot, speed):
+    """Return the time of work up to an absence, s; infinity if none begins on this drive.
+
+    It leaves with the robot for how long it is away then.
+    """
+    me = m.robots[robot]
+    op = m.ops[me.op]
+    needed = (op.target - me.here) / speed
+    first = 0.0
+    for number in range(op.first_free, op.last_free):
+        first = max(first, (m.frees[number].at - me.here + OFF_THE_ROAD) / speed)
+    last = needed
+    for number in range(op.first_need, op.last_need):
+        last = min(last, (m.needs[number].at - me.here) / speed)
+    now = tick_of(m) * TIME_STEP
+    for number in range(m.absences.shape[1]):
+        absence = m.absences[robot, number]
+        work = work_until_away(absence.begin, absence.end, now, first, last)
+        if work < needed:
+            me.repair = absence.end - now - work
+            return work
+    return inf
 
 
 @inner

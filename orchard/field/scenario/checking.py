@@ -18,7 +18,7 @@ from orchard.field.problems import (
 from orchard.field.scenario.schema import SURVEYED, Scenario
 
 # Maps of which the keys are names that a user gives, and not fields of a section.
-NAMED_BY_USERS = ("picker_rates", "agents", "agents_without_body")
+NAMED_BY_USERS = ("picker_rates", "picker_absences", "agents", "agents_without_body")
 
 
 def check(
@@ -86,8 +86,10 @@ def _errors(values: dict[str, Any]) -> tuple[list[dict[str, Any]], Scenario]:
 
 def _with_defaults(field: tuple[str, ...]) -> list[tuple[str, ...]]:
     """Return what is set to its default because a field is wrong: the field, the whole survey,
-    because its sizes have no default, or all breaks.
+    because its sizes have no default, all breaks, or all absences.
     """
+    if field[0] == "picker_absences":
+        return [("picker_absences",)]
     if field[0] == "survey":
         return [("survey",)]
     if field[:2] == ("shift", "breaks"):

@@ -1,7 +1,7 @@
 """The kinds of fields that a scenario has: choices, counts, prices, rules, names of agents."""
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, Field
 
@@ -11,6 +11,7 @@ from orchard.field.kinds import BODILESS, KINDS
 CHOICE = Decision.CHOICE
 CIRCUMSTANCE = Decision.CIRCUMSTANCE
 MOST_GUESTS = 50  # people together, animals together, weeds
+MOST_HOURS = 2000.0  # of work, in which somebody is away
 HIGHEST_PRICE = 1e9  # in whatever currency
 
 _NAME = "[A-Za-z_][A-Za-z0-9_]*"
@@ -19,9 +20,13 @@ ClassPath = Annotated[str, Field(pattern=rf"^{_PATH}$", max_length=200)]
 Driven = Annotated[str, Field(pattern=rf"^(({'|'.join(KINDS)})(_[0-9]+)?|{'|'.join(BODILESS)})$")]
 
 
-def _by_name(rates: dict[str, float]) -> dict[str, float]:
-    """Return the rates of pickers in the order of their names."""
-    return dict(sorted(rates.items()))
+_Value = TypeVar("_Value")
+Hours = Annotated[float, Field(ge=0.0, le=MOST_HOURS)]
+
+
+def _by_name(values: dict[str, _Value]) -> dict[str, _Value]:
+    """Return values of pickers in the order of their names."""
+    return dict(sorted(values.items()))
 
 
 PICKER_RATES = "picker -> its picking rate as a share of the usual one: 0.5 is half as fast"
@@ -31,6 +36,21 @@ PickerRates = Annotated[
         Annotated[float, Field(ge=0.05, le=20.0)],
     ],
     Field(max_length=60, description=PICKER_RATES),
+    AfterValidator(_by_name),
+]
+PICKER_ABSENCES = (
+    "picker -> when it is away, as pairs of hours of work since the harvest began: [[0, 4.5]] comes"
+    " after 4.5 h; its rows wait for it"
+)
+PickerAbsences = Annotated[
+    dict[
+        Annotated[str, Field(pattern="^picker_[0-9]{2}$")],
+        Annotated[
+            list[Annotated[list[Hours], Field(min_length=2, max_length=2)]],
+            Field(min_length=1, max_length=20),
+        ],
+    ],
+    Field(max_length=60, description=PICKER_ABSENCES),
     AfterValidator(_by_name),
 ]
 Bodiless = Annotated[str, Field(pattern="^[a-z][a-z0-9_]{0,63}$")]

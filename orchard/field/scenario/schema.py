@@ -3,8 +3,9 @@ of its values.
 """
 
 import math
+from collections.abc import Iterable
 from functools import reduce
-from itertools import combinations
+from itertools import combinations, pairwise
 from statistics import fmean
 from typing import Annotated, Any
 
@@ -26,6 +27,7 @@ from orchard.field.scenario.fields import (
     CIRCUMSTANCE,
     Classes,
     MoreAgents,
+    PickerAbsences,
     PickerRates,
     choice,
     count,
@@ -169,6 +171,7 @@ class Scenario(Section):
         Picking, Field(description="what pickers can, and how picking varies"), CIRCUMSTANCE
     ] = Picking()
     picker_rates: Annotated[PickerRates, CIRCUMSTANCE] = {}
+    picker_absences: Annotated[PickerAbsences, CIRCUMSTANCE] = {}
     carrying: Annotated[
         Carrying, Field(description="what carriers can, and how their work varies")
     ] = Carrying()
@@ -393,6 +396,7 @@ class Scenario(Section):
         )
         self._demand_that_no_row_is_faster_than_a_picker()
         self._demand_rates_of_pickers()
+        self._demand_absences_of_pickers()
         self._demand_days_for_their_prices()
         self._demand_a_battery_for_the_load_out()
         self._demand_trailers_that_fill()
@@ -529,12 +533,7 @@ class Scenario(Section):
 
     def _demand_rates_of_pickers(self) -> None:
         """Check that the rates are those of pickers, and that no picker is faster than it can."""
-        names = [name_of("picker", i + 1) for i in range(self.pickers)]
-        unknown = [name for name in self.picker_rates if name not in names]
-        text = (
-            f"must be pickers that there are, {names[0]} to {names[-1]}; not {', '.join(unknown)}"
-        )
-        self._demand(not unknown, text, "picker_rates")
+        self._demand_known_pickers("picker_rates", self.picker_rates)
         least = SLOWEST / self.mean_picking_speed
         most = self.top_picking_speed / self.mean_picking_speed
         text = (
@@ -544,6 +543,26 @@ class Scenario(Section):
         rates = self.picker_rates.values()
         are_possible = all(least <= rate <= most * (1.0 + 1e-9) for rate in rates)
         self._demand(are_possible, text, "picker_rates")
+
+    def _demand_absences_of_pickers(self) -> None:
+        """Check that those who are away are pickers, and that each leaves before it comes back."""
+        self._demand_known_pickers("picker_absences", self.picker_absences)
+        for name, absences in self.picker_absences.items():
+            hours = [hour for absence in absences for hour in absence]
+            text = (
+                f"{name}: must be pairs of hours that go on, [from, to], such as [[0, 4.5], [8, 9]]"
+            )
+            is_in_order = all(after - before >= 0.01 for before, after in pairwise(hours))
+            self._demand(is_in_order, text, "picker_absences")
+
+    def _demand_known_pickers(self, key: str, given: Iterable[str]) -> None:
+        """Check that names are those of pickers."""
+        names = [name_of("picker", i + 1) for i in range(self.pickers)]
+        unknown = [name for name in given if name not in names]
+        text = (
+            f"must be pickers that there are, {names[0]} to {names[-1]}; not {', '.join(unknown)}"
+        )
+        self._demand(not unknown, text, key)
 
     def _demand_what_the_survey_says(self) -> None:
         """Rows, their length and width are those of the survey, if there is one."""

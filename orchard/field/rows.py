@@ -5,12 +5,14 @@ Rows are numbered from 1 at the top.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any, Literal, get_args
+from functools import lru_cache
+from itertools import accumulate, pairwise
+from typing import Any, Literal, NamedTuple, get_args
 
 from orchard.field.kinds import name_of
+from orchard.field.picking import Absences, absences_of
 from orchard.field.plugins import MISTAKES, contained, load_plugin, place_of_class, unusable
-from orchard.field.scenario import BALANCED, BALANCED_ENDS, MANUAL, Scenario
+from orchard.field.scenario import BALANCED, BALANCED_ENDS, BALANCED_TIMES, MANUAL, Scenario
 
 End = Literal["west", "east"]
 
@@ -39,15 +41,77 @@ def balanced_ends(scenario: Scenario) -> dict[str, Block]:
 
     So the roads on both sides are used from the beginning.
     """
-    blocks = {}
+    return _from_both_ends(balanced(scenario))
+
+
+def balanced_times(scenario: Scenario) -> dict[str, Block]:
+    """Return neighbouring rows for each picker so that the last one is done as early as can be.
+
+    It knows how long rows are, `picker_rates` and `picker_absences`, and nothing of what the seed
+    draws. Every second picker starts at the east end.
+    """
+    lengths = [scenario.row_length] * scenario.rows
+    if scenario.survey is not None:
+        lengths = [row.length for row in scenario.survey.rows]
+    crew = []
+    for name in _pickers(scenario):
+        speed = scenario.mean_picking_speed * scenario.picker_rates.get(name, 1.0)
+        crew.append(_Member(speed, absences_of(scenario, name)))
+    return _from_both_ends(_cut(scenario, _shortest_cut(tuple(lengths), tuple(crew))))
+
+
+def _from_both_ends(blocks: Mapping[str, Block]) -> dict[str, Block]:
+    """Return blocks of which every second one starts at the east end."""
+    from_both = {}
     start: End = "west"
-    for name, block in balanced(scenario).items():
-        blocks[name] = Block(block.rows, start)
+    for name, block in blocks.items():
+        from_both[name] = Block(block.rows, start)
         if start == "west":
             start = "east"
         else:
             start = "west"
-    return blocks
+    return from_both
+
+
+class _Member(NamedTuple):
+    """A picker: its mean speed while it picks, m/s, and when it is away."""
+
+    speed: float
+    absences: Absences
+
+    def done(self, metres: float) -> float:
+        """Return when it has picked so many metres, s since the harvest began."""
+        done = metres / self.speed
+        for begin, end in self.absences:
+            if begin < done:
+                done += end - begin
+        return done
+
+
+@lru_cache(maxsize=64)
+def _shortest_cut(lengths: tuple[float, ...], crew: tuple[_Member, ...]) -> list[int]:
+    """Return the row before the first block, then the last row of each block, such that the last
+    picker is done as early as can be; of several such cuts one whose blocks take alike long.
+
+    `lengths`: of the rows, m. There are at least as many as pickers.
+    """
+    before = [0.0, *accumulate(lengths)]
+    rows = len(lengths)
+    # After each picker, by the number of rows that are given: when the last one is done, the sum
+    # of all squares, and the cut.
+    best: dict[int, tuple[float, float, list[int]]] = {0: (0.0, 0.0, [0])}
+    for number, member in enumerate(crew, start=1):
+        given: dict[int, tuple[float, float, list[int]]] = {}
+        for last in range(number, rows - len(crew) + number + 1):
+            for first, (latest, squares, cut) in best.items():
+                if first >= last:
+                    continue
+                done = member.done(before[last] - before[first])
+                total = (max(latest, done), squares + done * done, [*cut, last])
+                if last not in given or total < given[last]:
+                    given[last] = total
+        best = given
+    return best[rows][2]
 
 
 def manual(scenario: Scenario) -> dict[str, Block]:
@@ -63,6 +127,7 @@ RULES: dict[str, Callable[[Scenario], dict[str, Block]]] = {
     BALANCED: balanced,
     BALANCED_ENDS: balanced_ends,
     MANUAL: manual,
+    BALANCED_TIMES: balanced_times,
 }
 
 

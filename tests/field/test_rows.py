@@ -285,3 +285,26 @@ def test_longer_rows_move_the_east_side_and_add_trees(length: float, trees: int)
     assert len(layout.lines[0].trees_x) == trees
     assert layout.row_east - 9.0 < layout.lines[0].trees_x[-1] <= layout.row_east - 3.0
     assert layout.east == 50.0 + length - 70.0
+
+
+def counts_of(**values: object) -> list[int]:
+    """Return how many rows each picker has by the rule that knows how long they take."""
+    scenario = check({"rows": 12, "pickers": 3, "rows_to_pickers": "balanced-times", **values})
+    return [len(block.rows) for block in rows_to_pickers(scenario).values()]
+
+
+def test_rows_by_times_are_fewer_for_who_is_slow_or_away() -> None:
+    """Half as fast: 2.4 of 12 rows. Each row takes 40 min, and three of them 2 h."""
+    assert counts_of() == [4, 4, 4]
+    assert counts_of(picking_rate=1.5, picker_rates={"picker_02": 0.5}) == [5, 2, 5]
+    assert counts_of(picking_rate=1.5, picker_absences={"picker_03": [[0.0, 2.0]]}) == [5, 5, 2]
+    assert counts_of(picking_rate=1.5, picker_absences={"picker_03": [[2.5, 99.0]]})[2] == 3
+
+
+def test_rows_by_times_count_how_long_rows_are() -> None:
+    lengths = [150.0, 150.0, 50.0, 50.0, 50.0, 50.0, 50.0, 50.0]
+    rows = []
+    for number, length in enumerate(lengths):
+        rows.append({"id": str(number), "south": 6.0 * number, "start": 0.0, "length": length})
+    survey = {"rows": 8, "row_length": 150.0, "survey": {"rows": rows}}
+    assert counts_of(pickers=2, **survey) == [2, 6]

@@ -288,7 +288,7 @@ def test_the_command_bounds_all_rules_and_writes_it(tmp_path, capsys):
     )
     summary = json.loads((tmp_path / "bound.json").read_text())
     rules = summary["rows_to_pickers"]
-    assert list(rules) == ["balanced", "balanced-ends", "manual"]
+    assert list(rules) == ["balanced", "balanced-ends", "manual", "balanced-times"]
     least = min(rule["proven_seconds"] for rule in rules.values())
     assert summary["proven_seconds"] == least
     assert least < rules["balanced"]["proven_seconds"]

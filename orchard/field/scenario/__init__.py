@@ -18,6 +18,7 @@ from orchard.field.scenario.files import load, parse, to_short_yaml, to_yaml
 from orchard.field.scenario.names import (
     BALANCED,
     BALANCED_ENDS,
+    BALANCED_TIMES,
     DISPATCH_POLICIES,
     END,
     MANUAL,
@@ -48,6 +49,7 @@ from orchard.field.ticks import TICKS_PER_SECOND, TIME_STEP
 __all__ = [
     "BALANCED",
     "BALANCED_ENDS",
+    "BALANCED_TIMES",
     "DISPATCH_POLICIES",
     "END",
     "LEAST_CV",

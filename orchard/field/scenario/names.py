@@ -18,8 +18,9 @@ DISPATCH_POLICIES = (
 BALANCED = "balanced"
 BALANCED_ENDS = "balanced-ends"
 MANUAL = "manual"
+BALANCED_TIMES = "balanced-times"
 # The built-in rules for rows.
-ROW_RULES = (BALANCED, BALANCED_ENDS, MANUAL)
+ROW_RULES = (BALANCED, BALANCED_ENDS, MANUAL, BALANCED_TIMES)
 ONWARD = "onward"
 OUTWARD = "outward"
 # The built-in orders of picking inside a row.

@@ -401,13 +401,18 @@ def inline_svg(result: StudyResult) -> str:
 
     The element has a title, which says what the picture shows.
     """
-    svg = _file_of(figure(result), "svg").decode()
-    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    svg = svg[svg.index("<svg") :]
-    svg = re.sub(r' width="[\d.]+pt" height="[\d.]+pt"', ' role="img"', svg, count=1)
     title = "Bins an hour of each setting"
     if any(row.cost_per_bin for row in result.table):
         title += ", and what a bin costs"
+    return inline_drawing(figure(result), title)
+
+
+def inline_drawing(drawing: Figure, title: str) -> str:
+    """Return a drawing as an element of a page, in the colour of the page's words."""
+    svg = _file_of(drawing, "svg").decode()
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r' width="[\d.]+pt" height="[\d.]+pt"', ' role="img"', svg, count=1)
     svg = svg.replace(">", f' aria-label="{title}">', 1)
     return svg.replace(INK, "currentColor").replace(QUIET, "#7d8778")
 

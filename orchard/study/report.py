@@ -38,16 +38,10 @@ def document(result: StudyResult) -> str:
     All words are escaped.
     """
     heads, lines = heads_and_lines(result)
-    environment = Environment(
-        loader=PackageLoader("orchard.study", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-    )
-    template = environment.get_template("report.html")
-    return template.render(
+    return page(
         answer=result.answer,
         picture=Markup(inline_svg(result)),  # matplotlib has escaped its words
+        of_table="Settings",
         heads=heads,
         lines=lines,
         best=[number for number, row in enumerate(result.table) if row.standing == "best"],
@@ -57,6 +51,17 @@ def document(result: StudyResult) -> str:
         notes=result.notes,
         scenario=to_yaml(check(result.scenario)),
     )
+
+
+def page(**parts: Any) -> str:
+    """Return a report of these parts, which report.html names. All words are escaped."""
+    environment = Environment(
+        loader=PackageLoader("orchard.study", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+    )
+    return environment.get_template("report.html").render(**parts)
 
 
 def _made(result: StudyResult) -> dict[str, Any]:

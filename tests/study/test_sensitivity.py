@@ -1,5 +1,6 @@
 """What a result hangs on: which values are moved, what they share of the variance, and in words."""
 
+import csv
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -11,11 +12,14 @@ from stage import empty_orchard
 
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, parse, with_changes
+from orchard.study.command_options import StudyArguments
+from orchard.study.kinds_of_files import REPORT, TABLE
 from orchard.study.options import StudyOptions
 from orchard.study.result import Interval
 from orchard.study.sensitivity import command
 from orchard.study.sensitivity import study as module
 from orchard.study.sensitivity.factors import Factor, factors_of
+from orchard.study.sensitivity.files import save_csv, save_report
 from orchard.study.sensitivity.picture import figure, save
 from orchard.study.sensitivity.result import SensitivityResult
 from orchard.study.sensitivity.study import sensitivity, sensitivity_problems
@@ -366,3 +370,34 @@ def test_only_a_short_budget_is_called_short(found, capsys, stopped_by, is_told)
     result = replace(told(found), effects=[], stopped_by=stopped_by)
     command._print(result, as_json=False)
     assert ("the budget is too short" in capsys.readouterr().err) is is_told
+
+
+def test_effects_are_written_as_a_table(found, tmp_path: Path) -> None:
+    result = told(found)
+    path = tmp_path / "effects.csv"
+    save_csv(result, path)
+    with path.open(newline="", encoding="utf-8") as file:
+        lines = list(csv.DictReader(file))
+    assert [line["moved"] for line in lines[:-2]] == [effect.key for effect in result.effects]
+    assert [line["moved"] for line in lines[-2:]] == ["luck of the seed", "not told by the fit"]
+    assert float(lines[0]["total_mean"]) == result.effects[0].total.mean
+    assert TABLE.is_kind_of(path), "else a second one would not take its place"
+
+
+def test_a_report_of_a_sensitivity_has_all_of_it(found, tmp_path: Path) -> None:
+    result = replace(told(found), notes=["<b>first</b>"])
+    path = tmp_path / "effects.html"
+    save_report(result, path)
+    page = path.read_text(encoding="utf-8")
+    assert result.answer in page.replace("&#39;", "'")
+    assert "What is moved" in page
+    assert "<svg" in page
+    assert result.effects[0].key in page
+    assert "&lt;b&gt;first&lt;/b&gt;" in page
+    assert REPORT.is_kind_of(path)
+
+
+def test_a_deadline_of_a_sensitivity_is_told_what_to_ask() -> None:
+    chosen = StudyArguments(sensitivity=True, finish_within=3600.0)
+    with pytest.raises(ScenarioError, match="--horizon harvest --goal harvest_seconds"):
+        command._question(chosen, StudyOptions())

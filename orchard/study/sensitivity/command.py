@@ -4,7 +4,9 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
+from functools import partial
 from importlib import import_module
+from pathlib import Path
 
 from rich.progress import TextColumn
 
@@ -22,12 +24,15 @@ from orchard.study.sensitivity.words import as_table
 from orchard.terminal.exits import FAILED, FINISHED
 from orchard.terminal.output import bar, console, print_error, print_line
 
+Save = Callable[[SensitivityResult, Path], None]
 STOPPED = "stopped; the runs so far are kept, and the same command goes on from there"
+_NO_DEADLINE = (
+    "looks for a fleet, and a sensitivity moves what is given; what the time hangs on: --horizon"
+    " harvest --goal harvest_seconds"
+)
 _NOT_OF_A_SENSITIVITY = {
-    "csv": "has the settings of a study; --summary writes all figures of a sensitivity",
-    "report": "has the settings of a study; --picture draws a sensitivity",
-    "finish_within": "looks for a fleet, and a sensitivity moves what is given; leave one out",
-    "finish_by": "looks for a fleet, and a sensitivity moves what is given; leave one out",
+    "finish_within": _NO_DEADLINE,
+    "finish_by": _NO_DEADLINE,
 }
 
 
@@ -39,8 +44,8 @@ def run_sensitivity(
     with _progress(chosen) as tell:
         result = sensitivity(scenario, factors, options, tell, is_stopped)
     _print(result, chosen.progress == "json")
-    are_written = all([_summary(chosen, result), _picture(chosen, result)])
-    return FINISHED if result.effects and are_written else FAILED
+    are_written = [_is_written(path, save, result) for path, save in _files(chosen, result).items()]
+    return FINISHED if result.effects and all(are_written) else FAILED
 
 
 def _question(chosen: StudyArguments, options: StudyOptions) -> tuple[Scenario, Sequence[Factor]]:
@@ -100,27 +105,34 @@ def _print(result: SensitivityResult, as_json: bool) -> None:
         print_error("the budget is too short: --budget")
 
 
-def _summary(chosen: StudyArguments, result: SensitivityResult) -> bool:
-    """Write the summary, if one is asked for. Return whether that is done."""
-    if chosen.summary is None:
-        return True
-    try:
-        write_summary(chosen.summary, asdict(result))
-    except OSError as error:
-        print_error(f"{chosen.summary}: not written: {error.strerror or error}")
-        return False
-    return True
+def _files(chosen: StudyArguments, result: SensitivityResult) -> dict[Path, Save]:
+    """Return what is written where. Without effects there is only a summary."""
+    wanted: dict[Path | None, Save] = {chosen.summary: _save_summary}
+    if result.effects:
+        wanted |= {
+            chosen.picture: partial(_save_by, "picture", "save"),
+            chosen.csv: partial(_save_by, "files", "save_csv"),
+            chosen.report: partial(_save_by, "files", "save_report"),
+        }
+    return {path: save for path, save in wanted.items() if path is not None}
 
 
-def _picture(chosen: StudyArguments, result: SensitivityResult) -> bool:
-    """Draw the picture, if one is asked for. Return whether that is done."""
-    if chosen.picture is None or not result.effects:
-        return True
-    # matplotlib takes half a second to load.
-    drawing = import_module("orchard.study.sensitivity.picture")
+def _save_summary(result: SensitivityResult, path: Path) -> None:
+    """Write a result as JSON. Raises OSError."""
+    write_summary(path, asdict(result))
+
+
+def _save_by(module: str, name: str, result: SensitivityResult, path: Path) -> None:
+    """Save a result by a module that is loaded now: matplotlib takes half a second."""
+    save: Save = getattr(import_module(f"orchard.study.sensitivity.{module}"), name)
+    save(result, path)
+
+
+def _is_written(path: Path, save: Save, result: SensitivityResult) -> bool:
+    """Write a file. Return whether that is done; if not, say why."""
     try:
-        drawing.save(result, chosen.picture)
+        save(result, path)
     except OSError as error:
-        print_error(f"{chosen.picture}: not written: {error.strerror or error}")
+        print_error(f"{path}: not written: {error.strerror or error}")
         return False
     return True

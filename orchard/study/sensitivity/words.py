@@ -142,14 +142,19 @@ def _end(mean: float | None, digits: float) -> str:
     return "" if mean is None else number_words(mean, digits)
 
 
-def as_table(result: SensitivityResult) -> Table:
-    """Return the table for a terminal."""
-    caption = (
+def legend(result: SensitivityResult) -> str:
+    """Return what the columns of the table mean."""
+    return (
         "at low, at high: the mean result at the ends. by itself: the share of all"
         " variance that would be gone if this value were known; in all: that would be left if all"
         f" but this one were. ± interval of {100.0 * result.confidence:g} % confidence, by"
         " bootstrap."
     )
+
+
+def as_table(result: SensitivityResult) -> Table:
+    """Return the table for a terminal."""
+    caption = legend(result)
     table = Table(
         box=SIMPLE_HEAD, padding=0, show_edge=False, caption=caption, caption_justify="left"
     )

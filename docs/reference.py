@@ -219,8 +219,9 @@ def _towing() -> str:
     text = f"""A coupled bin keeps its place behind its robot, square to it; a bar joins them. The
 bin's agent does that: it observes the robot's pose and velocity, and chooses the velocity that
 brings the bin to its place at the end of the step if the robot keeps its velocity. When the robot
-changes its velocity, the bin is for a moment up to 0.15 m off its place
-(`tests/plans/test_steps.py`); at rest it is exact. A bin that is more than {move.BAR:g} m off its
+changes its velocity, the bin is for a moment off its place: up to 0.15 m at the default speeds, and
+up to 0.35 m where the robot drives 2.5 m/s and turns 60 degrees/s (`tests/plans/test_steps.py`). At
+rest it is exact. A bin that is more than {move.BAR:g} m off its
 place holds its robot.
 
 A robot couples a bin only while both stand still, with the bin's centre within

@@ -53,7 +53,7 @@ ACTIONS: Mapping[str, Mapping[str, VehicleAction]] = {
             "leave the empty bin to the picker that has left the full bin loadId, and wait until it"
             " has it",
         ),
-        UNLOAD: VehicleAction("bay", False, "stand in the bay until the bin is empty"),
+        UNLOAD: VehicleAction("bay*", False, "stand in the bay until the bin is empty"),
     },
     "picker": {
         HARVEST: VehicleAction(

@@ -22,7 +22,7 @@ from orchard.field.machines import Machine
 from orchard.field.queue import CLOSED_UP
 from orchard.plans.robot import Gate, Step
 from orchard.plans.route import OneWay, Side
-from orchard.plans.steps import DriveTo, Face, Free, Need
+from orchard.plans.steps import DriveTo, DriveToBay, Face, Free, Need
 
 BAY = "bay"
 QUEUE = "queue/"  # the beginning of the names of the queue's nodes
@@ -153,7 +153,18 @@ class _Roads:
         self._bay = Pose(layout.bay_stop, layout.queue.lines[0], 0.0)
         self.legs: list[Leg] = []
         self.names: dict[tuple[float, float], str] = {}
-        self.stations: dict[str, tuple[str, ...]] = {BAY: (BAY,)}
+        # x of a carrier at each place of the bay, the first one first.
+        self._bay_stops: list[float] = []
+        of_bay: list[str] = []
+        for number in range(layout.scenario.bays):
+            place = self._bay._replace(x=self._bay.x - CLOSED_UP * number)
+            self._bay_stops.append(place.x)
+            name = BAY
+            if number:
+                name = f"{BAY}/{number + 1}"
+            of_bay.append(name)
+            self.names[_point(place)] = name
+        self.stations: dict[str, tuple[str, ...]] = {BAY: tuple(of_bay)}
 
     def add_line(self, head: int) -> None:
         """Add a line of the queue: the way home into it, along it, and from it to all lanes.
@@ -170,7 +181,6 @@ class _Roads:
             slots.append(pose)
             self.names[_point(pose)] = f"{line}/{slot + 1}"
         self.names[_point(first)] = line
-        self.names[_point(self._bay)] = BAY
         self.stations[line] = (line,)
         from_last = slots[::-1]
         into_slots = [DriveTo(x=slot.x, queueing=True) for slot in from_last]
@@ -198,10 +208,18 @@ class _Roads:
         self.names[_point(stop)] = stop_name
         self.names[_point(bin_pose)] = bin_name
         self.legs += loop
-        self.legs += _legs(route.go_to_bay(lane.number, side), bin_pose, self._carrier)
-        self.legs += _legs(
-            _over_to_the_other_road(route, side, lane.number, stop), stop, self._carrier
-        )
+        to_bay = self._by_places_of_bay(route.go_to_bay(lane.number, side))
+        self.legs += _legs(to_bay, bin_pose, self._carrier)
+        home = self._by_places_of_bay(_over_to_the_other_road(route, side, lane.number, stop))
+        self.legs += _legs(home, stop, self._carrier)
+
+    def _by_places_of_bay(self, steps: Iterable[Step]) -> Iterator[Step]:
+        """Yield steps with the drive to a bay of several places cut at each place."""
+        for step in steps:
+            if isinstance(step, DriveToBay):
+                yield from (DriveTo(x=x) for x in reversed(self._bay_stops))
+            else:
+                yield step
 
 
 def _over_to_the_other_road(route: OneWay, side: Side, lane: int, stop: Pose) -> list[Step]:

@@ -1,11 +1,16 @@
 """Drives are cut where a vehicle may have to wait: the parts of one, and what they give back."""
 
+from itertools import pairwise
+
 import pytest
 
 from orchard.field.geometry import Pose
+from orchard.field.layout import lay_out
+from orchard.field.scenario import Scenario
 from orchard.plans.robot import Gate
 from orchard.plans.steps import DriveTo
-from orchard.roads.graph import _parts
+from orchard.roads.graph import BAY, _parts
+from orchard.roads.pickers import graphs_of
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
@@ -37,3 +42,17 @@ def test_a_drive_is_cut_at_the_gates_ahead_of_it(direction):
 def test_a_drive_without_gates_stays_whole():
     drive = DriveTo(y=-3.0)
     assert list(_parts(drive, Pose(1.0, 2.0, 0.0))) == [(drive, "")]
+
+
+@pytest.mark.parametrize("bays", [1, 2, 3])
+def test_a_map_has_each_place_of_the_bay(bays):
+    """They lie one behind the other, and carriers come to the last one first."""
+    carriers = graphs_of(lay_out(Scenario(rows=3, bays=bays)))[0]
+    assert carriers.kind == "carrier"
+    places = [BAY, "bay/2", "bay/3"][:bays]
+    assert carriers.stations[BAY] == tuple(places)
+    for ahead, behind in pairwise(places):
+        assert carriers.nodes[ahead].x - carriers.nodes[behind].x == pytest.approx(4.1)
+        assert carriers.edges[behind, ahead].length == pytest.approx(4.1)
+    from_outside = {end for start, end in carriers.edges if start not in places}
+    assert from_outside.intersection(places) == {places[-1]}

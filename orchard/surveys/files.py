@@ -9,10 +9,11 @@ from orchard.surveys.geojson import read_geojson
 from orchard.surveys.kml import read_kml
 from orchard.surveys.layers import GEOPACKAGE, SHAPEFILE, read_layers
 from orchard.surveys.options import Source
+from orchard.surveys.packed import ZIP, unpacked
 from orchard.surveys.table import read_table
 
 LARGEST_FILE = 10_000_000  # bytes
-READABLE = "a file of rows is GeoJSON, KML, CSV, GeoPackage or Shapefile"
+READABLE = "a file of rows is GeoJSON, KML, CSV, GeoPackage or Shapefile, or a zip archive of one"
 # How files begin that people take for a file of rows.
 _OTHERS = {
     b"\x89PNG": "a picture (PNG)",
@@ -20,7 +21,6 @@ _OTHERS = {
     b"II*\0": "a picture (TIFF)",
     b"MM\0*": "a picture (TIFF)",
     b"%PDF": "a PDF",
-    b"PK\x03\x04": "a zip archive, such as KMZ or a packed shapefile; unpack it",
     b"\x1f\x8b": "packed by gzip; unpack it",
     b"AC10": "a drawing (DWG)",
 }
@@ -32,7 +32,11 @@ _BESIDE_SHAPEFILE = (".shx", ".dbf", ".prj", ".cpg", ".qpj")
 
 def read_survey(source: Source) -> SurveyFile:
     """Return what a file holds. Raises ScenarioError."""
-    survey = _read(source)
+    if _content(source).startswith(ZIP):
+        with unpacked(source) as inner:
+            survey = _read(inner)
+    else:
+        survey = _read(source)
     return survey._replace(features=with_short_names(survey.features))
 
 

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -44,6 +45,18 @@ def test_layers_give_the_rows_of_geojson(tmp_path, ending: str):
     write(path, straight_rows())
     same = import_survey(write_features(tmp_path / "rows.geojson", straight_rows()))
     assert import_survey(path).scenario.survey.rows == same.scenario.survey.rows
+
+
+def test_a_packed_shapefile_is_read_with_what_belongs_to_it(tmp_path):
+    """The .prj beside it says the coordinate system."""
+    write(tmp_path / "rows.shp", straight_rows())
+    archive = tmp_path / "rows.zip"
+    with ZipFile(archive, "w") as packed:
+        for path in sorted(tmp_path.glob("rows.*")):
+            if path != archive:
+                packed.write(path, f"export/{path.name}")
+    packed_rows = import_survey(archive).scenario.survey
+    assert packed_rows == import_survey(tmp_path / "rows.shp").scenario.survey
 
 
 def test_the_layer_of_the_rows_is_asked_for(tmp_path):

@@ -1,0 +1,73 @@
+"""Unpacks the one file of rows that a zip archive holds, such as a packed Shapefile or KMZ."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
+from zipfile import BadZipFile, ZipFile, ZipInfo
+
+from orchard.field.problems import Problem, ScenarioError, printable
+from orchard.surveys.choosing import listed
+from orchard.surveys.options import Source
+
+ZIP = b"PK\x03\x04"
+OF_ROWS = (".shp", ".gpkg", ".kml", ".geojson", ".json", ".csv")
+MOST_UNPACKED = 50_000_000  # bytes of a file of rows, with those that belong to it
+
+
+@contextmanager
+def unpacked(source: Source) -> Iterator[Source]:
+    """Yield the file of rows in an archive, which is told of by the archive's name.
+
+    Raises ScenarioError if there is not exactly one.
+    """
+    with TemporaryDirectory() as folder:
+        try:
+            with ZipFile(source.path) as archive:
+                path = _unpack(archive, source, Path(folder))
+        except (BadZipFile, EOFError, NotImplementedError, OSError) as error:
+            raise _fault(source, f"is a zip archive that is damaged: {error}") from None
+        except RuntimeError as error:
+            raise _fault(source, f"is a zip archive that cannot be unpacked: {error}") from None
+        yield source._replace(path=path)
+
+
+def _unpack(archive: ZipFile, source: Source, folder: Path) -> Path:
+    """Write the file of rows, and those that belong to it, into a folder. Return where it is."""
+    member = _of_rows(archive, source)
+    stem = PurePosixPath(member.filename).with_suffix("")
+    belonging = [
+        one
+        for one in archive.infolist()
+        if not one.is_dir() and PurePosixPath(one.filename).with_suffix("") == stem
+    ]
+    if sum(one.file_size for one in belonging) > MOST_UNPACKED:
+        raise _fault(source, f"is too large unpacked; at most {MOST_UNPACKED:,} bytes")
+    for one in belonging:
+        # The names are ours, so none leads out of the folder.
+        suffix = PurePosixPath(one.filename).suffix.lower()
+        (folder / f"rows{suffix}").write_bytes(archive.read(one))
+    return folder / f"rows{PurePosixPath(member.filename).suffix.lower()}"
+
+
+def _of_rows(archive: ZipFile, source: Source) -> ZipInfo:
+    """Return the one file of rows that an archive holds. Raises ScenarioError."""
+    found = []
+    for one in archive.infolist():
+        path = PurePosixPath(one.filename)
+        # Some systems pack a hidden twin of each file.
+        is_hidden = path.name.startswith(".") or "__MACOSX" in path.parts
+        if path.suffix.lower() in OF_ROWS and not one.is_dir() and not is_hidden:
+            found.append(one)
+    if not found:
+        wanted = ", ".join(OF_ROWS)
+        raise _fault(source, f"is a zip archive without a file of rows; expected one of {wanted}")
+    if len(found) > 1:
+        names = listed([printable(one.filename) for one in found])
+        raise _fault(source, f"is a zip archive with {names}; unpack it, and give one of them")
+    return found[0]
+
+
+def _fault(source: Source, text: str) -> ScenarioError:
+    """Return what is wrong with an archive, to be raised."""
+    return ScenarioError([Problem(source.file, text)])

@@ -40,6 +40,71 @@ people and 50 animals. `survey`, which
 [`orchard layout import`](how-to.md#harvest-the-rows-of-a-real-orchard) writes, decides `rows` and
 `row_length`. [Extend the Orchard](extending.md) describes the values that name classes."""
 SCHEMA = "config/scenario.schema.json"
+MACHINES = """\
+### Machines: where their values come from
+
+Numbers in brackets are those of [the sources of published figures](validation.md#sources).
+"Chosen" is what no source tells: if your answer hangs on it, measure it.
+`orchard study FILE --sensitivity` tells on what it hangs.
+
+{table}
+
+No preset is of a farm-ng Amiga: no source that we found tells its speed and its load."""
+# Value -> where its default comes from, and where its limits do.
+SOURCES = {
+    "carrying.speed": (
+        "chosen; a program for robots that carry strawberries has it too (validation.md)",
+        "carts drive 2.2 m/s [15]; above 2.5 m/s with turns of 60 degrees/s a bin is further off"
+        " its place than its bar allows; the least is chosen",
+    ),
+    "picking.driving_speed": (
+        "as carrying.speed",
+        "in that program people walk 0.8 to 1.5 m/s; as carrying.speed",
+    ),
+    "carrying.turning": (
+        "the manual of 2015: pi/8 rad/s",
+        "the most as that of carrying.speed; the least is chosen",
+    ),
+    "picking.turning": ("as carrying.turning", "as carrying.turning"),
+    "handling.coupling": (
+        "the least that physics allows",
+        "people who change a bin on a platform take a minute [10]; the most is twice that",
+    ),
+    "handling.uncoupling": ("the least that physics allows", "as coupling"),
+    "handling.exchange": ("chosen: none", "as coupling"),
+    "handling.unloading": (
+        "chosen",
+        "chosen; at the most, a place of the bay unloads less than 12 bins an hour",
+    ),
+    "bays": ("chosen", "up to three are measured (traffic.md)"),
+    "carrying.battery.hours": ("chosen: endless", "chosen: 3 minutes for tests, to a week"),
+    "carrying.battery.hours_to_charge": ("chosen", "chosen: from a swap to two days"),
+    "load_out.metres": (
+        "none",
+        "400 and 800 m [14]; lorries drive further, 5 km are chosen",
+    ),
+    "load_out.speed": ("none", "a walk to 54 km/h on a road; chosen"),
+    "load_out.seconds_away": (
+        "none",
+        "ten minutes [1], and 771 to 926 s that were fitted to [13]; two hours are chosen",
+    ),
+    "load_out.trailers.bins": (
+        "none",
+        "3 [1], 4 to 12 [13], trains of 6 and trailers of 8 [14]; 40 are chosen",
+    ),
+    "load_out.trailers.count": ("none", "two for each gang [1]; 20 are chosen"),
+    "load_out.truck.every": ("none", "chosen: a minute to a day"),
+    "picking_rate": (
+        "that of picking_speed",
+        "0.56 bins of apples [7] to 1.8 of kiwifruit an hour [1]; wider, for robots and trays:"
+        " chosen",
+    ),
+    "crop.kilograms_per_bin": (
+        "none",
+        "carts 226 kg [15], boxes 330 kg [13], bins 386 kg [7], trailers of three bins 1050 kg;"
+        " chosen",
+    ),
+}
 
 
 def section() -> str:
@@ -49,24 +114,39 @@ def section() -> str:
         "|---|---|---|",
         *_lines(Scenario.model_json_schema()),
     ]
-    return HEAD.format(schema=SCHEMA, table="\n".join(lines))
+    head = HEAD.format(schema=SCHEMA, table="\n".join(lines))
+    return f"{head}\n\n{MACHINES.format(table=_sources())}"
 
 
-def _lines(
+def _sources() -> str:
+    """Return the table of machines: where their defaults and limits come from."""
+    values = dict(_values(Scenario.model_json_schema()))
+    lines = ["| value | default; limits | default from | limits from |", "|---|---|---|---|"]
+    for name, (of_default, of_limits) in SOURCES.items():
+        value = values[name]
+        lines.append(
+            f"| `{name}` | {_default(value)}; {_limits(value)} | {of_default} | {of_limits} |"
+        )
+    return "\n".join(lines)
+
+
+def _lines(schema: dict[str, Any]) -> Iterator[str]:
+    """A line for each value."""
+    for name, value in _values(schema):
+        yield f"| `{name}` | {_default(value)}; {_limits(value)} | {value['description']} |"
+
+
+def _values(
     schema: dict[str, Any], section: str = "", whole: dict[str, Any] | None = None
-) -> Iterator[str]:
-    """A line for each value; those of a section have dotted names."""
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield each value with its schema; those of a section have dotted names."""
     whole = whole or schema
     for name, value in schema["properties"].items():
         if "$ref" in value:
-            yield from _lines(
-                whole["$defs"][value["$ref"].rsplit("/", 1)[1]], f"{section}{name}.", whole
-            )
+            definition = whole["$defs"][value["$ref"].rsplit("/", 1)[1]]
+            yield from _values(definition, f"{section}{name}.", whole)
         else:
-            yield (
-                f"| `{section}{name}` | {_default(value)}; {_limits(value)} |"
-                f" {value['description']} |"
-            )
+            yield f"{section}{name}", value
 
 
 def _default(value: dict[str, Any]) -> str:

@@ -259,7 +259,8 @@ those of a quadratic fit. A note says whether the fit misses more than the luck 
 test, 99.9 %), and then how much of what the values move it tells, at points that it has not seen. A
 fit that tells less than 90 % is said to be poor. One that tells less than 98 % has no "at low" and
 "at high": there it errs most. `--picture` draws a tornado: the mean result at both ends of each
-value.
+value. `--csv` writes the effects, and `--report` all of it on a page. With a deadline ask what the
+time hangs on: `--horizon harvest --goal harvest_seconds`. Of a farm, ask it of each block.
 
 Intervals are by bootstrap of the fit. Of 60 made-up samples (three values, 32 points, known
 shares), the intervals of 95 % held the true share in:
@@ -272,6 +273,34 @@ shares), the intervals of 95 % held the true share in:
 | a step of one value, 2 % of it luck | 95 % | 95 to 97 % |
 
 `python -m docs.coverage_of_shares` measures it again.
+
+## Who comes late, or is ill
+
+`picker_absences` says in which hours of work somebody is away, counted from the beginning of the
+harvest. Breaks and nights do not count. Here one of eight comes at noon, after 4.5 h, and another
+one is ill on the third day of 8.5 h of work:
+
+```yaml scenario
+pickers: 8
+rows: 26
+row_length: 110
+picking_rate: 1.5
+bins_per_row: 6
+picker_absences: {{picker_08: [[0, 4.5]], picker_02: [[17, 25.5]]}}
+rows_to_pickers: balanced-times
+```
+
+Who is away stands in its row, in the state `failed`, and its rows wait for it. With
+`rows_to_pickers: balanced-times` rows are given to pickers so that the last one is done as early as
+can be. That knows the lengths of rows, `picker_rates` and `picker_absences`, as a manager does who
+knows them on the first day. It knows nothing of what the seed draws. What an illness costs is the
+difference of two lines of a study of one harvest, without the illness and with it.
+
+A row never goes to the next free picker. Pickers drive southward along the ends of the rows, and
+wait there for their empty bins; so the next free one would have to pass one that waits, which holds
+places that the carrier needs for whom it waits, and both could wait for ever. Such a rule needs
+another proof of the [roads](traffic.md#why-no-robot-waits-for-ever). Use `balanced-times`, or
+pickers and rows of which the numbers fit: 8 rows are done by 6 pickers no sooner than by 4.
 
 ## Several blocks, one fleet
 
@@ -301,7 +330,8 @@ between them. Prices and deadlines are asked of each block.
   `--vary pickers --vary carriers --finish-within 8h`, or `--finish-by 5d`.
 - A daily minimum, a piece rate, rent by the day, a machine bought:
   [prices](#what-is-paid-for-what).
-- One of eight people is ill: `--vary pickers=7,8`. One is half as fast:
+- One of eight people is ill: `--vary pickers=7,8`, or for some hours
+  [`picker_absences`](#who-comes-late-or-is-ill). One is half as fast:
   `--vary carriers --vary 'picker_rates={{}},{{"picker_01": 0.5}}'`.
 - Three hours of rain: `--vary carriers=3 --horizon harvest` and
   `--vary 'shift={{}},{{"breaks": [["10:00", "13:00"]]}}'`, with a `shift`. Breaks are not paid:

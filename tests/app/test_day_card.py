@@ -107,8 +107,8 @@ DAYS = StudySettings(deadline="2", deadline_unit="d")
     [(HOURS, ["--finish-within", "7.5h"]), (DAYS, ["--finish-by", "2d"])],
 )
 def test_a_deadline_opens_pickers_and_carriers(tmp_path, settings, option):
-    asked = study_command(settings, Files(tmp_path, "study"))
-    words = asked[asked.index("study") + 2 : asked.index("--budget")]
+    command_line = study_command(settings, Files(tmp_path, "study"))
+    words = command_line[command_line.index("study") + 2 : command_line.index("--budget")]
     assert words == ["--vary", "carriers", "--vary", "pickers", *option]
 
 

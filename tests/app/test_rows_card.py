@@ -74,9 +74,9 @@ def test_what_is_not_entered_is_said():
 def test_half_of_a_crop_asks_for_the_other_half():
     draft = Draft(Scenario())
     draft.enter({"crop.tonnes_per_hectare": "40"})
-    told = "Yield = 40, Fruit in a bin = unknown: must be set together"
+    message = "Yield = 40, Fruit in a bin = unknown: must be set together"
     assert draft.problems == dict.fromkeys(
-        ("crop.tonnes_per_hectare", "crop.kilograms_per_bin"), told
+        ("crop.tonnes_per_hectare", "crop.kilograms_per_bin"), message
     )
 
 

@@ -304,8 +304,8 @@ def test_code_named_in_a_bag_is_imported_only_if_asked(tmp_path, key, value, nam
     )
 
     # A class of an agent is imported in the run, any other one before it.
-    asked = orchard(*replay, "--own-code", code=1 if key == "agents" else 2)
-    assert "cannot be used: ModuleNotFoundError: No module named 'nowhere'" in asked.stderr
+    imported = orchard(*replay, "--own-code", code=1 if key == "agents" else 2)
+    assert "cannot be used: ModuleNotFoundError: No module named 'nowhere'" in imported.stderr
     if key == "dispatch":
         # A policy that the user names replaces that of the bag.
         orchard(*replay, "--dispatch", "nearest")

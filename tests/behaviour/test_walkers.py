@@ -117,7 +117,7 @@ def test_animals_change_their_mind_every_three_seconds(kind):
         stage.tick()
         speeds.append(stage.local.memories[f"{kind}_01"].speed)
     changes = [i for i in range(1, 600) if speeds[i] != speeds[i - 1]]
-    assert [later - one for one, later in pairwise(changes)] == [30] * (len(changes) - 1)
+    assert [later - earlier for earlier, later in pairwise(changes)] == [30] * (len(changes) - 1)
     assert len(changes) >= 19
     assert len(set(speeds)) == len(changes) + 1
     assert all(0 <= speed <= 3 for speed in speeds)

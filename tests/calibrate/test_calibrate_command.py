@@ -28,7 +28,7 @@ BASE = Scenario(
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     """Return a folder with a log of two days at 4 bins an hour, and the scenario beside it."""
-    made = tmp_path_factory.mktemp("calibrate")
+    data = tmp_path_factory.mktemp("calibrate")
     spread = {"spread": {"distribution": "lognormal", "cv": 0.15}}
     truth = with_changes(BASE, picking_rate=4.0, picking=spread)
     bins = []
@@ -36,9 +36,9 @@ def folder(tmp_path_factory) -> Path:
         for bin_ in model_bins(with_changes(truth, seed=day + 1)):
             moved = bin_.day + timedelta(days=day)
             bins.append(LoggedBin(**vars(bin_) | {"day": moved}))
-    (made / "log.csv").write_text(log_text(bins))
-    (made / "rent.yaml").write_text(to_short_yaml(BASE))
-    return made
+    (data / "log.csv").write_text(log_text(bins))
+    (data / "rent.yaml").write_text(to_short_yaml(BASE))
+    return data
 
 
 def test_the_documented_command_gives_a_tested_rate(folder):

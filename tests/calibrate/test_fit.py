@@ -176,8 +176,8 @@ def test_a_log_that_no_scenario_can_follow_is_told():
 
 def test_too_few_bins_say_how_many_there_must_be():
     bins = log_of(with_changes(KNOWN, picking_rate=2.0))[:18]
-    told = r"of which the picking time is known, in \d rows of pickers .* must have 4 such rows"
-    with pytest.raises(ScenarioError, match=told):
+    words = r"of which the picking time is known, in \d rows of pickers .* must have 4 such rows"
+    with pytest.raises(ScenarioError, match=words):
         fit(LoggedBins(bins, [], []), KNOWN, False, "log.csv")
 
 

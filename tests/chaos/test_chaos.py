@@ -145,11 +145,11 @@ def test_a_relay_whose_router_is_away_hangs_up():
 
 
 def test_no_nonsense_is_of_the_run():
-    said = pack(Clock(RUN, 12, Stamp(1, 2)))
+    clock = pack(Clock(RUN, 12, Stamp(1, 2)))
     chance = Random(1)
     for _ in range(2000):
         with pytest.raises(Refused):
-            read_message(mutated(chance, said, RUN), Clock, RUN)
+            read_message(mutated(chance, clock, RUN), Clock, RUN)
 
 
 def test_a_full_disk_takes_nothing_until_it_is_cleared(tmp_path):
@@ -193,14 +193,14 @@ def wanted():
 
 
 def summary(wanted, **changes):
-    good = {
+    valid = {
         "ticks": 600,
         "hash": wanted.hash,
         "bins_delivered": wanted.bins,
         "rows_picked": wanted.rows,
     }
     return (
-        good
+        valid
         | {
             "messages_refused": {"malformed": 3},
             "violations": [],
@@ -231,9 +231,9 @@ def execution(exit_code=0):
 
 
 def test_a_run_that_came_to_what_local_mode_does_is_good(wanted):
-    found = judge(LOCKSTEP, execution(), summary(wanted), wanted)
-    assert found.complaints == []
-    assert found.refused == 3
+    verdict = judge(LOCKSTEP, execution(), summary(wanted), wanted)
+    assert verdict.complaints == []
+    assert verdict.refused == 3
 
 
 BROKEN = [
@@ -248,10 +248,10 @@ BROKEN = [
 
 @pytest.mark.parametrize(("exit_code", "changes", "broken"), BROKEN)
 def test_whatever_is_broken_is_counted_and_told(wanted, exit_code, changes, broken):
-    found = judge(LOCKSTEP, execution(exit_code), summary(wanted, **changes), wanted)
-    results = Results(1, "today", [found])
+    verdict = judge(LOCKSTEP, execution(exit_code), summary(wanted, **changes), wanted)
+    results = Results(1, "today", [verdict])
     assert dict(results.promises())[broken] == 1
-    assert found.complaints
+    assert verdict.complaints
     assert not results.is_good
 
 
@@ -275,11 +275,11 @@ def test_each_mistake_is_refused_but_that_in_a_text():
 
 
 def test_a_whole_harvest_in_realtime_must_deliver_every_bin(wanted):
-    good = judge(REALTIME, execution(), summary(wanted, finished=True, bins_delivered=3), None)
+    complete = judge(REALTIME, execution(), summary(wanted, finished=True, bins_delivered=3), None)
     lacking = judge(REALTIME, execution(), summary(wanted, finished=True, bins_delivered=2), None)
-    assert good.bins_lost == 0
+    assert complete.bins_lost == 0
     assert lacking.bins_lost == 1
-    assert good.complaints == []
+    assert complete.complaints == []
     assert lacking.complaints != []
 
 

@@ -113,7 +113,11 @@ def test_schedules_draw_only_payloads_that_no_receiver_takes():
     tearer = Tearer(Tears(0.5, 0.5), Random(1), lambda: None)
     arrived = {tearer.carry(key, payload, is_reply=False) for _ in range(200)}
     assert len(arrived) > 10
-    assert [one for one in arrived if one != payload and is_message(key, one)] == []
+    assert [
+        other_payload
+        for other_payload in arrived
+        if other_payload != payload and is_message(key, other_payload)
+    ] == []
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -152,7 +156,7 @@ def test_no_agent_is_lost_where_payloads_change_on_their_way(tears, others):
     for seed in range(6):
         carried = Carried(replace(plan(ticks=150, **others), seed=seed), tears)
         complaints = carried.verdict.complaints
-        assert [said for said in complaints if said.startswith(PROMISED)] == []
+        assert [complaint for complaint in complaints if complaint.startswith(PROMISED)] == []
         torn += carried.schedule.world.network.torn
         malformed += carried.verdict.summary["messages_refused"].get("malformed", 0)
     assert 0 < malformed <= torn

@@ -72,11 +72,11 @@ def test_a_run_without_faults_refuses_nothing(seed):
 def test_a_mutation_is_found_and_shrinks_to_its_faults():
     drawn = [draw(seed) for seed in range(40)]
     with cut_out("a host never doubts its mail"):
-        found = next(plan for plan in drawn if carry_out(plan).complaints)
-        small = shrink(found)
+        smallest = next(plan for plan in drawn if carry_out(plan).complaints)
+        small = shrink(smallest)
         (complaint,) = carry_out(small).complaints
         assert complaint.startswith("other events or messages than in local mode: tick ")
-    assert len(small.faults) <= len(found.faults)
+    assert len(small.faults) <= len(smallest.faults)
     assert carry_out(small).complaints == []
 
 

@@ -83,8 +83,8 @@ def python_in(clone: Path, *words: str) -> str:
 
 def call(clone: Path, *commands: list[str]) -> list[tuple[int, str, str]]:
     """Return exit code, stdout and stderr of each command in a clone."""
-    told = python_in(clone, "-c", CALLS, json.dumps(commands))
-    return json.loads(told.splitlines()[-1])
+    out = python_in(clone, "-c", CALLS, json.dumps(commands))
+    return json.loads(out.splitlines()[-1])
 
 
 @pytest.mark.parametrize("package", HERE)
@@ -108,6 +108,6 @@ def test_without_the_folders_of_extras_the_rest_passes(tmp_path):
     helps = [[name, "--help"] for name, entry in COMMANDS.items() if entry.package not in gone]
     for code, _, stderr in call(clone, *helps):
         assert code == 0, stderr
-    told = python_in(clone, "-m", "pytest", "-q", "-p", "no:cacheprovider", *TESTS)
-    assert "[100%]" in told
+    out = python_in(clone, "-m", "pytest", "-q", "-p", "no:cacheprovider", *TESTS)
+    assert "[100%]" in out
     python_in(clone, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--collect-only", *FOLDERS)

@@ -77,9 +77,11 @@ def test_the_command_line_checks_agents_and_exits_with_1(mode, tick, seconds, tm
         "none",
         code=1,
     )
-    said = done.stdout + done.stderr
-    assert re.search(f"picker_01 is not repeatable, tick {tick}: its answer.twist: ", said), said
-    assert re.search(f"broken: picker_01, since tick {tick}", said), said
+    output = done.stdout + done.stderr
+    assert re.search(f"picker_01 is not repeatable, tick {tick}: its answer.twist: ", output), (
+        output
+    )
+    assert re.search(f"broken: picker_01, since tick {tick}", output), output
 
 
 class Note(msgspec.Struct):
@@ -133,11 +135,11 @@ def test_a_memory_that_differs_after_a_kill_is_refused(memory, type_, place, cap
     assert local.actions["picker_01"].state == "broken"
     assert keeper.got == [None, None]
     (record,) = caplog.records
-    said = (
+    words = (
         r"^picker_01 raised an error at tick 0; it stands.\n  Keeper \(.*, line"
         rf" \d+\):\n(.|\n)*{re.escape(place)}"
     )
-    assert re.search(said, record.getMessage())
+    assert re.search(words, record.getMessage())
 
 
 KEPT = [

@@ -155,14 +155,14 @@ def test_what_the_users_own_program_sets_changes_no_hash():
 
 
 def test_the_first_lines_are_shown_and_the_rest_is_left_out():
-    said = []
-    stream = Printed(said.append)
+    lines = []
+    stream = Printed(lines.append)
     for words in ("one", " \x1b[2J\ntwo\n", "x" * 300 + "\n", "a\n" * 100, "b\n" * 10**6):
         assert stream.write(words) == len(words)
-    assert said[:2] == ["printed: one ?[2J", "printed: two"]
-    assert len(said[2]) == len("printed: ") + 200
-    assert len(said) == MOST_LINES + 1
-    assert said[-1] == "what own classes print from here on is left out; write it to a file"
+    assert lines[:2] == ["printed: one ?[2J", "printed: two"]
+    assert len(lines[2]) == len("printed: ") + 200
+    assert len(lines) == MOST_LINES + 1
+    assert lines[-1] == "what own classes print from here on is left out; write it to a file"
 
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
@@ -172,9 +172,9 @@ def test_an_agent_that_prints_and_leaves_a_thread_is_contained(mode, tmp_path):
     done = python(
         "run.py", path, "--mode", mode, "--duration", 1, "--record", "none", PYTHONPATH=PATH
     )
-    said = done.stdout + done.stderr
-    assert said.count(": Injected?[2J") < MOST_LINES
-    assert 0 < said.count("Written Injected?[2J") <= UNNAMED
-    assert re.search(r"printed, in .*own_agents\.py, line \d+: Injected", said)
-    assert "own classes have left threads that still run: Thread-" in said
-    assert all(line.isprintable() for line in said.split("\n"))
+    output = done.stdout + done.stderr
+    assert output.count(": Injected?[2J") < MOST_LINES
+    assert 0 < output.count("Written Injected?[2J") <= UNNAMED
+    assert re.search(r"printed, in .*own_agents\.py, line \d+: Injected", output)
+    assert "own classes have left threads that still run: Thread-" in output
+    assert all(line.isprintable() for line in output.split("\n"))

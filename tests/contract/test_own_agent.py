@@ -124,20 +124,20 @@ def test_an_agent_given_to_local_mode_drives_as_a_named_class():
 
 def test_an_agent_that_takes_over_gets_no_foreign_memory():
     local = Local(SMALL)
-    heard = []
+    mails = []
 
     class Counter:
         Memory = list[int]
 
         def tick(self, observation, mail, memory):
-            heard.append(memory)
+            mails.append(memory)
             return Action(memory=[*(memory or ()), observation.tick])
 
     for tick in range(6):
         if tick in (2, 4):
             local.play("picker_01", Counter())
         local.tick()
-    assert heard == [None, [2], [2, 3], [2, 3, 4]]
+    assert mails == [None, [2], [2, 3], [2, 3, 4]]
 
 
 def test_only_an_agent_that_is_there_can_be_replaced():
@@ -185,16 +185,16 @@ def test_texts_of_agents_are_printable_for_people(tmp_path):
         recording,
         code=1,
     )
-    told = done.stdout + done.stderr
-    assert "Injected" in told
-    assert all(line.isprintable() for line in told.split("\n"))
-    assert not re.search("^physics: all is well", told, re.M)
-    said = texts_in(recording)
+    output = done.stdout + done.stderr
+    assert "Injected" in output
+    assert all(line.isprintable() for line in output.split("\n"))
+    assert not re.search("^physics: all is well", output, re.M)
+    texts = texts_in(recording)
     assert {True} == {
-        any(words in text for text in said)
+        any(words in text for text in texts)
         for words in ("here is Injected", "Injected?[2J", "deed refused")
     }
-    assert [text for text in said if not text.replace("\n", "").isprintable()] == []
+    assert [text for text in texts if not text.replace("\n", "").isprintable()] == []
 
 
 def test_texts_of_a_foreign_client_are_printable_at_physics():

@@ -44,12 +44,12 @@ def exact(laser, zone: Zone) -> tuple[np.ndarray, np.ndarray]:
 def test_a_return_is_in_a_zone_as_if_it_were_compared_exactly(laser, zone, data):
     """The ranges are those at which a beam enters or leaves a zone, and their neighbours."""
     enter, leave = exact(laser, zone)
-    some = data.draw(arrays(np.float32, laser.beams, elements=st.floats(0.0, 11.0, width=32)))
+    drawn = data.draw(arrays(np.float32, laser.beams, elements=st.floats(0.0, 11.0, width=32)))
     for edge in (enter, leave):
         with np.errstate(over="ignore"):
             near = edge.astype(np.float32)
         for scan in (
-            some,
+            drawn,
             near,
             np.nextafter(near, np.float32(np.inf)),
             np.nextafter(near, np.float32(-np.inf)),

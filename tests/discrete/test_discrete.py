@@ -159,12 +159,12 @@ HARVESTS: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("name", HARVESTS)
 def test_a_harvest_takes_as_long_as_in_the_simulator(name: str) -> None:
     scenario = orchard(**HARVESTS[name])
-    told = fast(scenario)
+    seconds = fast(scenario)
     expected = full(scenario)
-    assert told["seconds"] == pytest.approx(expected["seconds"], rel=0.005)
+    assert seconds["seconds"] == pytest.approx(expected["seconds"], rel=0.005)
     # By a tick and a half, as carriers hear in other ticks that they are wanted.
-    assert told["wait"] == pytest.approx(expected["wait"], rel=0.01, abs=0.15)
-    assert told["busy"] == pytest.approx(expected["busy"], abs=0.01)
+    assert seconds["wait"] == pytest.approx(expected["wait"], rel=0.01, abs=0.15)
+    assert seconds["busy"] == pytest.approx(expected["busy"], abs=0.01)
 
 
 @pytest.mark.soak
@@ -235,14 +235,14 @@ def test_waits_and_shares_are_of_the_same_time_as_the_rate() -> None:
     The same holds for carriers that are out.
     """
     layout = lay_out(orchard(rows=4, pickers=2, carriers=1))
-    found = long_run(layout)
+    result = long_run(layout)
     bounds = Bounds(layout)
     # s from one bin to the next.
-    each_picker = 3600.0 * 2 / found.bins_per_hour
+    each_picker = 3600.0 * 2 / result.bins_per_hour
     own_time = bounds.picking_seconds + bounds.crossing_seconds + _own_drive(layout)
-    assert found.picker_waiting_seconds == pytest.approx(each_picker - own_time, rel=0.05)
-    assert found.carrier_utilisation == pytest.approx(
-        found.bins_per_hour * _trip_seconds(layout) / 3600.0, rel=0.03
+    assert result.picker_waiting_seconds == pytest.approx(each_picker - own_time, rel=0.05)
+    assert result.carrier_utilisation == pytest.approx(
+        result.bins_per_hour * _trip_seconds(layout) / 3600.0, rel=0.03
     )
 
 

@@ -232,9 +232,9 @@ def test_a_run_goes_on_equally_while_bins_wait() -> None:
     again = Local.resume(run.snapshot())
     start_afresh(again)
     forked = run.fork(**{"load_out.truck.every": 240.0})
-    for one in (run, again, forked):
-        while not one.ended:
-            one.tick()
+    for each in (run, again, forked):
+        while not each.ended:
+            each.tick()
     assert again.engine.hash == run.engine.hash
     assert forked.engine.tick < run.engine.tick - 300
     with pytest.raises(ScenarioError, match=r"load_out\.empty_bins.*all these bins are at the bay"):

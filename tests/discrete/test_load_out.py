@@ -274,12 +274,12 @@ def unloadings(layout: Layout) -> list[float]:
 
 def test_a_larger_trailer_or_a_second_one_brings_more() -> None:
     """A trailer leaves when it is full, or with the last bin, so the harvest ends sooner."""
-    one = simulated(with_trailers(1, 1))
+    one_trailer = simulated(with_trailers(1, 1))
     two = simulated(with_trailers(2, 1))
     larger = simulated(with_trailers(1, 3))
     endless = simulated(with_trailers(4, 1))
-    assert endless <= two < one - 100.0
-    assert larger < one - 100.0
+    assert endless <= two < one_trailer - 100.0
+    assert larger < one_trailer - 100.0
     assert endless == pytest.approx(simulated(small()) + 150.0, abs=20.0)
 
 
@@ -305,9 +305,9 @@ def test_a_run_goes_on_equally_while_a_trailer_is_away() -> None:
     again = Local.resume(run.snapshot())
     start_afresh(again)
     forked = run.fork(**{"load_out.seconds_away": 60.0})
-    for one in (run, again, forked):
-        while not one.ended:
-            one.tick()
+    for each in (run, again, forked):
+        while not each.ended:
+            each.tick()
     assert again.engine.hash == run.engine.hash
     assert forked.engine.tick < run.engine.tick - 500
     with pytest.raises(ScenarioError, match=r"load_out\.trailers.*bins stand on the trailers"):

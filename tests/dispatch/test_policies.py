@@ -41,8 +41,8 @@ def decide(
     name: str, bins: list[BinReport], carriers: list[CarrierReport]
 ) -> list[tuple[str, str]]:
     """Return what a policy without a memory decides at tick 1000: (bin, carrier) of each order."""
-    asked = policy(name)
-    return [tuple(order) for order in asked.assign(1000, bins, carriers, asked.Memory())]
+    dispatch = policy(name)
+    return [tuple(order) for order in dispatch.assign(1000, bins, carriers, dispatch.Memory())]
 
 
 # A full bin near the queue, and one far from it.

@@ -56,12 +56,12 @@ def rolled_out_seconds(layout: Layout) -> float:
 @pytest.fixture(scope="module")
 def differences() -> list[tuple[int, float]]:
     """Return the carriers of each harvest, and by which share the roll-out takes longer."""
-    found = []
+    shares = []
     for number in range(HARVESTS):
         layout = drawn_orchard(Random(number))
         seconds = DiscreteHarvest(layout).run().seconds
-        found.append((layout.scenario.carriers, rolled_out_seconds(layout) / seconds - 1.0))
-    return found
+        shares.append((layout.scenario.carriers, rolled_out_seconds(layout) / seconds - 1.0))
+    return shares
 
 
 def test_a_hundred_harvests_take_as_long_as_in_the_event_model(differences) -> None:

@@ -272,14 +272,14 @@ def run_in(folder, command):
 
 @pytest.mark.parametrize("step", [step for step in STEPS if "machine" not in step])
 def test_a_step_of_the_tutorial(step, tmp_path):
-    said = ""
+    output = ""
     for part in STEPS[step]:
         if part.name:
             (tmp_path / part.name).write_text(part.text)
         elif part.language == "python":
-            said = run_in(tmp_path, [sys.executable, "-c", part.text])
+            output = run_in(tmp_path, [sys.executable, "-c", part.text])
         elif part.language == "text":
-            assert said == part.text, "the tutorial shows another output"
+            assert output == part.text, "the tutorial shows another output"
         else:
             for command in commands(part.text):
                 run_in(

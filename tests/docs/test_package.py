@@ -192,14 +192,14 @@ def test_nothing_known_is_told_from_not_checked(of_the_vulnerable, of_ours, code
     )
     audit.chmod(0o755)
     packages.write_text("numpy==2.4.6\n")
-    said = subprocess.run(
+    output = subprocess.run(
         [sys.executable, ".ci/vulnerabilities.py", audit, packages],
         cwd=ROOT,
         capture_output=True,
         text=True,
     )
-    assert words in said.stdout
-    assert said.returncode == code, said.stderr
+    assert words in output.stdout
+    assert output.returncode == code, output.stderr
 
 
 @pytest.mark.parametrize(

@@ -54,10 +54,10 @@ def deliveries_from(run: Local, ticks: list[int]) -> tuple[list[int], dict[int, 
 
 def farthest_apart(delivered: list[int], begun: EventHarvest) -> int:
     """Return the most by which a delivery of the harvest is off that of the run, ticks."""
-    told = [round(TICKS_PER_SECOND * seconds) for seconds in begun.deliveries]
+    delivered_ticks = [round(TICKS_PER_SECOND * seconds) for seconds in begun.deliveries]
     expected = delivered[begun.delivered_before :]
-    assert len(told) == len(expected)
-    return max((abs(a - b) for a, b in zip(told, expected, strict=True)), default=0)
+    assert len(delivered_ticks) == len(expected)
+    return max((abs(a - b) for a, b in zip(delivered_ticks, expected, strict=True)), default=0)
 
 
 def quiet_starts(seed: int, count: int) -> Iterator[tuple[Layout, list[int]]]:
@@ -82,7 +82,7 @@ def starts_of(seed: int, count: int) -> tuple[int, int]:
     for layout, ticks in quiet_starts(seed, count):
         delivered, begun = deliveries_from(Local(layout.scenario, is_hashed=False), ticks)
         starts += len(begun)
-        near += sum(farthest_apart(delivered, one) <= NEAR for one in begun.values())
+        near += sum(farthest_apart(delivered, harvest) <= NEAR for harvest in begun.values())
     return starts, near
 
 
@@ -108,7 +108,7 @@ def test_no_moment_of_a_harvest_is_lost(dispatch: str, route: str) -> None:
     layout = lay_out_small(dispatch=dispatch, route=route, rows=3, pickers=2, carriers=2)
     ticks = [*range(1, 3000, 17)]
     delivered, begun = deliveries_from(Local(layout.scenario, is_hashed=False), ticks)
-    apart = {tick: farthest_apart(delivered, one) for tick, one in begun.items()}
+    apart = {tick: farthest_apart(delivered, harvest) for tick, harvest in begun.items()}
     assert len(apart) > 55
     assert not {tick: off for tick, off in apart.items() if off > EXACT}
 
@@ -118,9 +118,9 @@ def test_a_bin_that_has_paused_reports_in_its_new_rhythm() -> None:
     *_, layout = quiet_layouts(11, 37)
     ticks = [13, 606, 625, 743, 1405]
     delivered, begun = deliveries_from(Local(layout.scenario, is_hashed=False), ticks)
-    assert {tick: farthest_apart(delivered, one) for tick, one in begun.items()} == dict.fromkeys(
-        ticks, pytest.approx(0, abs=NEAR)
-    )
+    assert {
+        tick: farthest_apart(delivered, harvest) for tick, harvest in begun.items()
+    } == dict.fromkeys(ticks, pytest.approx(0, abs=NEAR))
 
 
 @pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
@@ -137,7 +137,7 @@ def test_each_tick_of_a_handover_is_a_moment(dispatch: str, route: str) -> None:
     middle = run.engine.tick
     ticks = [*range(middle - 60, middle + 120)]
     delivered, begun = deliveries_from(Local(layout.scenario, is_hashed=False), ticks)
-    apart = {tick: farthest_apart(delivered, one) for tick, one in begun.items()}
+    apart = {tick: farthest_apart(delivered, harvest) for tick, harvest in begun.items()}
     assert len(apart) == len(ticks)
     assert not {tick: off for tick, off in apart.items() if off > 1}
 
@@ -148,7 +148,7 @@ def test_each_tick_of_the_first_orders_is_a_moment(dispatch: str) -> None:
     layout = lay_out_small(dispatch=dispatch, route="two-way", rows=3, pickers=2, carriers=2)
     ticks = [*range(3, 360)]
     delivered, begun = deliveries_from(Local(layout.scenario, is_hashed=False), ticks)
-    apart = {tick: farthest_apart(delivered, one) for tick, one in begun.items()}
+    apart = {tick: farthest_apart(delivered, harvest) for tick, harvest in begun.items()}
     assert not {tick: off for tick, off in apart.items() if off > 2}
 
 
@@ -158,7 +158,7 @@ def test_a_robot_under_repair_is_repaired_in_the_harvest() -> None:
     run = Local(layout.scenario, is_hashed=False)
     ticks = [*range(50, 4000, 61)]
     delivered, begun = deliveries_from(run, ticks)
-    apart = {tick: farthest_apart(delivered, one) for tick, one in begun.items()}
+    apart = {tick: farthest_apart(delivered, harvest) for tick, harvest in begun.items()}
     assert not {tick: off for tick, off in apart.items() if off > NEAR}
 
 
@@ -245,9 +245,9 @@ def test_a_robot_that_says_nothing_of_its_memory_is_told() -> None:
     run = Local(lay_out_small().scenario, is_hashed=False)
     run.tick()
     moment = moment_of(run)
-    told = {name: memory for name, memory in moment.memories.items() if name != "carrier_02"}
+    memories = {name: memory for name, memory in moment.memories.items() if name != "carrier_02"}
     with pytest.raises(NotInPlanError, match="carrier_02 does not say what it remembers"):
-        begin_at(RunMoment(moment.world, told, moment.letters))
+        begin_at(RunMoment(moment.world, memories, moment.letters))
 
 
 def test_other_machines_go_on_where_the_run_does() -> None:

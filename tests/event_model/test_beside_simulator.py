@@ -83,8 +83,8 @@ LARGE: dict[str, dict[str, Any]] = {
 
 def assert_is_near(values: dict[str, Any], within: int = NEAR) -> None:
     """Compare the ticks of all deliveries in both models."""
-    told, delivered = in_both(lay_out(Scenario(**NOBODY | values)))
-    assert told == pytest.approx(delivered, abs=within)
+    modelled, delivered = in_both(lay_out(Scenario(**NOBODY | values)))
+    assert modelled == pytest.approx(delivered, abs=within)
 
 
 def in_both(layout: Layout) -> tuple[list[int], list[int]]:
@@ -137,10 +137,10 @@ def test_soak_forty_orchards_deliver_when_the_simulators_do() -> None:
     apart = []
     shares = []
     for layout in quick_orchards(57, 40):
-        told, delivered = in_both(layout)
-        assert len(told) == len(delivered)
-        apart.append(max(abs(a - b) for a, b in zip(told, delivered, strict=True)))
-        shares.append(abs(told[-1] / delivered[-1] - 1.0))
+        modelled, delivered = in_both(layout)
+        assert len(modelled) == len(delivered)
+        apart.append(max(abs(a - b) for a, b in zip(modelled, delivered, strict=True)))
+        shares.append(abs(modelled[-1] / delivered[-1] - 1.0))
     near = sum(ticks <= NEAR for ticks in apart)
     print(f"{near} near; lengths differ by {fmean(shares):.5f}, at most {max(shares):.5f}")
     assert near >= 0.8 * len(apart)

@@ -47,9 +47,9 @@ FAULTS = {
 @pytest.mark.parametrize("policy", FAULTS)
 def test_a_policy_that_breaks_is_told_with_its_place(policy: str) -> None:
     layout = orchard(dispatch=f"own_policies.{policy}")
-    with pytest.raises(PolicyFault) as told:
+    with pytest.raises(PolicyFault) as raised:
         DiscreteHarvest(layout).run()
-    words = str(told.value)
+    words = str(raised.value)
     assert words.startswith(f"dispatch policy own_policies.{policy}, tick ")
     assert FAULTS[policy] in words
     assert own_policies.__file__ in words

@@ -23,9 +23,9 @@ def test_an_exchange_uses_a_battery_for_the_time_that_it_takes() -> None:
     battery = {"hours": 0.5, "hours_to_charge": 0.1, "reserve": 0.7, "standing": 0.2}
     layout = lay_out(Scenario(**values, carrying={"battery": battery}))
     harvest = EventHarvest(layout).run()
-    exchanges = [one for of_it in harvest.exchanges.values() for one in of_it]
+    exchanges = [exchange for of_it in harvest.exchanges.values() for exchange in of_it]
     assert len(exchanges) == layout.bins
-    for one in exchanges:
-        assert one.carrier_ticks is not None
-        share = one.carrier_ticks * TIME_STEP / 3600.0 / battery["hours"]
-        assert battery["standing"] * share < one.battery_used < share
+    for exchange in exchanges:
+        assert exchange.carrier_ticks is not None
+        share = exchange.carrier_ticks * TIME_STEP / 3600.0 / battery["hours"]
+        assert battery["standing"] * share < exchange.battery_used < share

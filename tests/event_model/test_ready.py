@@ -49,11 +49,11 @@ def test_a_summary_waits_for_no_compiler(
     compiled: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     layout = lay_out(Scenario(rows=3, pickers=2, carriers=1))
-    told = schedule_seconds(layout)
+    seconds = schedule_seconds(layout)
     monkeypatch.setattr(entry, "is_kept", lambda kernel, signature: False)
     compiled.clear()
     entry.get_ready.cache_clear()
-    assert schedule_seconds(layout) == told
+    assert schedule_seconds(layout) == seconds
     assert compiled == []
 
 

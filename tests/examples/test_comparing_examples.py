@@ -16,35 +16,33 @@ def printed(*arguments: str) -> str:
 
 
 def test_the_limit_stands_beside_the_long_run():
-    said = printed("examples/long_run.py", "--against", "30", "4/2/1")
+    out = printed("examples/long_run.py", "--against", "30", "4/2/1")
     assert (
         len(
-            re.findall(
-                r"4/2/1 .* (?:carriers|pickers) .* (?:[+-]\d+\.\d|leaves a picker out)", said
-            )
+            re.findall(r"4/2/1 .* (?:carriers|pickers) .* (?:[+-]\d+\.\d|leaves a picker out)", out)
         )
         == 12
     )
-    assert re.search(r"against 30 rows each: \d+\.\d % on average, \d+\.\d % at most", said)
+    assert re.search(r"against 30 rows each: \d+\.\d % on average, \d+\.\d % at most", out)
 
 
 def test_the_fast_model_stands_beside_the_simulator():
-    said = printed("examples/fast_and_full.py", "3/2/1:one-way:nearest:1.0:20.0")
-    assert re.search(r"3/2/1:one-way:nearest:1.0:20.0 .* [+-]0\.\d\d ", said)
-    assert re.search(r"1 cells: mean error 0\.\d\d %, worst 0\.\d\d %", said)
+    out = printed("examples/fast_and_full.py", "3/2/1:one-way:nearest:1.0:20.0")
+    assert re.search(r"3/2/1:one-way:nearest:1.0:20.0 .* [+-]0\.\d\d ", out)
+    assert re.search(r"1 cells: mean error 0\.\d\d %, worst 0\.\d\d %", out)
 
 
 def test_a_warm_up_and_what_the_limit_explains_are_told():
-    said = printed("examples/run_statistics.py", "--seeds", "4", "3/2/2:two-way:predictive:0.05")
-    match = re.search(r"MSER-5 leaves out (\d+) % on average.* explains (\d+\.\d) %", said)
+    out = printed("examples/run_statistics.py", "--seeds", "4", "3/2/2:two-way:predictive:0.05")
+    match = re.search(r"MSER-5 leaves out (\d+) % on average.* explains (\d+\.\d) %", out)
     assert int(match[1]) <= 50
     assert float(match[2]) > 90.0, "pickers limit, and each seed draws how fast rows are"
 
 
 def test_intervals_stand_beside_the_truth():
-    said = printed("examples/interval_coverage.py", "--truth", "3", "1")
-    assert re.findall(r"(\d+\.\d) % of (\d+) \(95 %: \d+\.\d to \d+\.\d\)", said)
-    assert [int(count) for count in re.findall(r"% of (\d+)", said)] == [3, 1, 1]
+    out = printed("examples/interval_coverage.py", "--truth", "3", "1")
+    assert re.findall(r"(\d+\.\d) % of (\d+) \(95 %: \d+\.\d to \d+\.\d\)", out)
+    assert [int(count) for count in re.findall(r"% of (\d+)", out)] == [3, 1, 1]
 
 
 def test_recordings_of_several_runs_are_one_dataset(tmp_path):

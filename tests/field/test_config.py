@@ -134,19 +134,19 @@ def test_a_file_of_the_user_comes_before_a_shipped_scenario(tmp_path: Path, monk
 
 
 def fields(section: dict, schema: dict) -> dict[str, dict]:
-    found = {}
+    by_name = {}
     for name, field in section["properties"].items():
         ref = (field.get("items") or (field.get("anyOf") or [field])[0]).get("$ref", "")
         below = schema["$defs"].get(ref.rpartition("/")[2])
-        found |= fields(below, schema) if below else {name: field}
-    return found
+        by_name |= fields(below, schema) if below else {name: field}
+    return by_name
 
 
 def test_every_field_is_described_and_limited() -> None:
     schema = json.loads(schema_text())
-    found = fields(schema, schema)
-    assert {"rows", "workers", "noise", "carriers"} <= set(found)
-    for name, field in found.items():
+    by_name = fields(schema, schema)
+    assert {"rows", "workers", "noise", "carriers"} <= set(by_name)
+    for name, field in by_name.items():
         assert field["description"], name
         limited = field["anyOf"][0] if "anyOf" in field else field
         assert (

@@ -21,10 +21,10 @@ SPREAD = {"spread_of_pickers": {"distribution": "gamma", "cv": 0.3}}
 
 def speeds(layout: Layout) -> dict[str, list[float]]:
     """Return the speeds of the rows of each picker."""
-    found = {}
+    by_picker = {}
     for name, block in layout.blocks.items():
-        found[name] = [layout.lane(row).picking_speed for row in block.rows]
-    return found
+        by_picker[name] = [layout.lane(row).picking_speed for row in block.rows]
+    return by_picker
 
 
 def test_a_slow_picker_picks_its_rows_slowly() -> None:
@@ -41,10 +41,10 @@ def test_a_crew_with_a_slow_picker_has_a_lower_limit() -> None:
 
 
 def test_a_picker_has_one_speed_in_all_of_its_rows() -> None:
-    found = speeds(lay_out(with_changes(CREW, picking=SPREAD)))
-    for of_rows in found.values():
+    by_picker = speeds(lay_out(with_changes(CREW, picking=SPREAD)))
+    for of_rows in by_picker.values():
         assert len(set(of_rows)) == 1
-    assert found["picker_01"] != found["picker_02"]
+    assert by_picker["picker_01"] != by_picker["picker_02"]
 
 
 @pytest.mark.parametrize("distribution", ["lognormal", "gamma", "uniform"])

@@ -45,9 +45,9 @@ def box_of(x, y, yaw, half_length, half_width) -> np.ndarray:
 
 def edge_points(x, y, yaw, half_length, half_width) -> np.ndarray:
     t = np.linspace(-1.0, 1.0, 41)
-    one = np.ones_like(t)
-    along = half_length * np.concatenate([t, t, one, -one])
-    across = half_width * np.concatenate([one, -one, t, t])
+    ones = np.ones_like(t)
+    along = half_length * np.concatenate([t, t, ones, -ones])
+    across = half_width * np.concatenate([ones, -ones, t, t])
     c, s = math.cos(yaw), math.sin(yaw)
     return np.column_stack([x + c * along - s * across, y + s * along + c * across])
 

@@ -169,17 +169,17 @@ def test_guests_are_clear_of_walls_and_machines_at_any_yaw(scenario: Scenario) -
 @settings(max_examples=10)
 @given(scenarios())
 def test_the_same_scenario_gives_the_same_layout(scenario: Scenario) -> None:
-    one = lay_out(scenario)
+    first = lay_out(scenario)
     other = lay_out(scenario.model_copy())
-    assert one.starts == other.starts
-    assert np.array_equal(one.walls, other.walls)
+    assert first.starts == other.starts
+    assert np.array_equal(first.walls, other.walls)
 
 
 def test_another_seed_moves_the_weeds_and_not_the_given_places() -> None:
-    one = lay_out(Scenario(seed=1))
+    first = lay_out(Scenario(seed=1))
     other = lay_out(Scenario(seed=2))
-    assert not {s.pose for s in of(one, "weed")} & {s.pose for s in of(other, "weed")}
-    assert [s.pose[:2] for s in of(one, *PEOPLE, *ANIMALS)] == [
+    assert not {s.pose for s in of(first, "weed")} & {s.pose for s in of(other, "weed")}
+    assert [s.pose[:2] for s in of(first, *PEOPLE, *ANIMALS)] == [
         s.pose[:2] for s in of(other, *PEOPLE, *ANIMALS)
     ]
 

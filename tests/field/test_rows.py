@@ -172,7 +172,7 @@ TOO_WIDE = [
 def test_a_spread_with_too_fast_a_picker_is_refused(
     distribution: str, cv: float, speed: float, wanted: str
 ) -> None:
-    told = refusal(
+    message = refusal(
         f"picking_speed: {speed}\npicking:\n  spread: {{distribution: {distribution}, cv: {cv}}}"
     )
     values = (
@@ -180,7 +180,7 @@ def test_a_spread_with_too_fast_a_picker_is_refused(
         f" = {cv}"
     )
     assert (
-        told
+        message
         == f"my.yaml:3: {values}: {wanted} at this picking_speed, because no picker picks faster"
         " than 1 m/s"
     )

@@ -100,11 +100,11 @@ def test_a_wrong_expectation_changes_no_answer(monkeypatch, decided, expected):
 
 def assert_is_found(bisection: Bisection, decided: int) -> None:
     """Assert that the answer is that of a search by the simulator alone."""
-    good, bad = bisection.answer
+    well, bad = bisection.answer
     if decided < MOMENTS[0]:
-        assert good is None
+        assert well is None
     elif decided > MOMENTS[-1]:
-        assert good == MOMENTS[-1]
+        assert well == MOMENTS[-1]
         assert bad is None
     else:
-        assert good <= decided < bad <= good + 10
+        assert well <= decided < bad <= well + 10

@@ -79,9 +79,9 @@ def interrupted_at(module: str, *command: str) -> tuple[int, str]:
     ],
 )
 def test_ctrl_c_during_the_imports_of_run_py_ends_it_silently(module):
-    code, said = interrupted_at(module, "run.py", *SHORT)
+    code, output = interrupted_at(module, "run.py", *SHORT)
     assert code in (-signal.SIGINT, 130), "what a shell shows as 130"
-    assert said.strip() == ""
+    assert output.strip() == ""
 
 
 def test_ctrl_c_held_back_before_the_start_is_heard():
@@ -106,9 +106,9 @@ def test_ctrl_c_held_back_before_the_start_is_heard():
 @pytest.mark.parametrize("command", [("run.py", "app"), ("-m", "orchard", "app")])
 def test_ctrl_c_during_the_imports_of_the_page_ends_it_silently(command):
     pytest.importorskip("nicegui")
-    code, said = interrupted_at("nicegui.helpers", *command, "--quiet", "--port", "0")
+    code, output = interrupted_at("nicegui.helpers", *command, "--quiet", "--port", "0")
     assert code in (-signal.SIGINT, 130)
-    assert said.strip() == ""
+    assert output.strip() == ""
 
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
@@ -170,9 +170,9 @@ def test_ctrl_c_ends_an_endless_tick_with_the_result_so_far(tmp_path, capsys):
     assert why == "stopped"
     assert summary["ticks"] == 3
     assert summary["hash"] == local_hash(scenario, 3)
-    said = capsys.readouterr().err.replace("\n", "")
-    assert "picker_01 still thinks about tick 3, in" in said
-    assert "own_agents.py, line" in said
+    err = capsys.readouterr().err.replace("\n", "")
+    assert "picker_01 still thinks about tick 3, in" in err
+    assert "own_agents.py, line" in err
     assert {path.stem for path in tmp_path.glob("tick-*")} == {"tick-000000000"}, (
         "none of the tick that was broken off"
     )

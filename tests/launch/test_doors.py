@@ -112,8 +112,8 @@ def test_each_door_of_a_clone_works_without_links(words, tmp_path):
             timeout=PATIENCE,
         ).stdout
 
-    found = [Path(path) for path in done("-c", WHERE).split()]
-    assert [path.is_relative_to(tmp_path) for path in found] == [True] * 3
+    folders = [Path(path) for path in done("-c", WHERE).split()]
+    assert [path.is_relative_to(tmp_path) for path in folders] == [True] * 3
     done(*words, "--rows", "3", "--duration", "1")
     assert len(list((tmp_path / "clone" / "runs").glob("*.rrd"))) == 1
 

@@ -36,18 +36,18 @@ def run_to(tick: int, **values: object) -> Local:
 
 def test_the_end_of_a_quiet_run_is_told_to_the_second() -> None:
     run = run_to(400, **NOBODY)
-    told = end_of(run.snapshot())
+    forecast = end_of(run.snapshot())
     while not run.ended:
         run.tick()
-    assert told is not None
-    assert told.within == 0.0
-    assert told.seconds == pytest.approx(run.engine.world.seconds, abs=2.0)
+    assert forecast is not None
+    assert forecast.within == 0.0
+    assert forecast.seconds == pytest.approx(run.engine.world.seconds, abs=2.0)
 
 
 def test_with_people_about_the_end_is_told_with_its_interval() -> None:
-    told = end_of(run_to(400, people={"workers": 3, "visitors": 3}).snapshot())
-    assert told is not None
-    assert 0.0 < told.within < 0.2 * told.seconds
+    forecast = end_of(run_to(400, people={"workers": 3, "visitors": 3}).snapshot())
+    assert forecast is not None
+    assert 0.0 < forecast.within < 0.2 * forecast.seconds
 
 
 def test_a_run_with_an_emergency_stop_tells_no_end() -> None:

@@ -115,11 +115,11 @@ def test_output_that_is_no_text_is_passed_on_and_blocks_nobody(tmp_path, monkeyp
         " over\\n')"
     )
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    said = SimpleQueue()
-    with Supervisor(said.put) as fleet:
+    lines = SimpleQueue()
+    with Supervisor(lines.put) as fleet:
         fleet.start(ProcessSpec("child", "shouting", []))
-        assert said.get(timeout=PATIENCE) == r"child: \xff"
-        wait_for(said, lambda line: line == "child: over", 20.0)
+        assert lines.get(timeout=PATIENCE) == r"child: \xff"
+        wait_for(lines, lambda line: line == "child: over", 20.0)
         fleet.wait(PATIENCE)
         assert fleet.exit_code("child") == 0
 
@@ -134,11 +134,11 @@ def test_what_a_child_has_started_ends_with_it(tmp_path, monkeypatch):
         program + "os._exit(7) if sys.argv[1:] else child.wait()\n"
     )
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    said = SimpleQueue()
-    with Supervisor(said.put) as fleet:
+    lines = SimpleQueue()
+    with Supervisor(lines.put) as fleet:
         fleet.start(ProcessSpec("dies", "forking", ["now"], again=True))
         fleet.start(ProcessSpec("lives", "forking", []))
-        forks = [psutil.Process(int(said.get(timeout=PATIENCE).split()[1])) for _ in range(2)]
+        forks = [psutil.Process(int(lines.get(timeout=PATIENCE).split()[1])) for _ in range(2)]
     _, alive = psutil.wait_procs(forks, 20.0)
     for fork in alive:
         fork.kill()

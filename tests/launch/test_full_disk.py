@@ -64,15 +64,15 @@ def test_a_full_disk_loses_recordings_but_not_the_result(small_disk, tmp_path, m
     # Enough that snapshots follow after the recording has filled the disk.
     slow = "--speed", 10
     done = harvest(small_disk, DURATION, "--mode", mode, "--summary", path, *slow)
-    said = done.stdout + done.stderr
-    assert done.returncode == 0, said
+    output = done.stdout + done.stderr
+    assert done.returncode == 0, output
     assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), round(DURATION * 10))
     assert summary_of(path)["hash"] in done.stdout
-    for told in ("the rest of the run is not recorded", "a snapshot could not be written"):
-        (line,) = [line for line in said.splitlines() if told in line]
+    for words in ("the rest of the run is not recorded", "a snapshot could not be written"):
+        (line,) = [line for line in output.splitlines() if words in line]
         assert FULL in line
-    assert "starting it again" not in said
-    assert "Traceback" not in said
+    assert "starting it again" not in output
+    assert "Traceback" not in output
     left = [
         file.name
         for file in (small_disk / "runs").rglob("*")

@@ -132,7 +132,7 @@ def test_frozen_processes_end_too(tmp_path):
 
 def test_what_does_not_end_by_itself_is_ended_by_force(tmp_path, monkeypatch):
     monkeypatch.setattr(run_notes, "ALONE_SECONDS", 0.2)
-    said = []
+    lines = []
     (tmp_path / "run7.going").write_text('{"run": "run7", "endpoint": "tcp/127.0.0.1:9"}')
     others = [
         subprocess.Popen(["sleep", "60"], env=os.environ | {STARTED_BY: f"1 {run}"})
@@ -142,11 +142,11 @@ def test_what_does_not_end_by_itself_is_ended_by_force(tmp_path, monkeypatch):
         deadline = time.monotonic() + PATIENCE
         while not all(map(processes_of, ("run7", "run8"))):
             assert time.monotonic() < deadline
-        assert end_left_over(tmp_path, said.append)
+        assert end_left_over(tmp_path, lines.append)
         assert others[0].wait(PATIENCE) == -signal.SIGKILL
         assert processes_of("run8") == [others[1].pid]
-        assert "run run7: its `orchard` is gone; ending the 1 processes" in said[0]
-        assert not end_left_over(tmp_path, said.append)
+        assert "run run7: its `orchard` is gone; ending the 1 processes" in lines[0]
+        assert not end_left_over(tmp_path, lines.append)
     finally:
         for other in others:
             other.kill()
@@ -160,6 +160,6 @@ def test_a_run_for_which_a_host_was_gone_is_resumed_with_a_word(tmp_path):
     store(*as_file(before), tmp_path)
     done = orchard("--resume", tmp_path, "--mode", "local", "--duration", 1.3, "--record", "none")
     assert "no host was there for picker_01 (tick 7)" in done.stderr
-    found = newest(tmp_path, [])
-    assert found.lost == before.lost, "it is not forgotten"
-    assert found.run, "runs in local mode have an id, too"
+    snapshot = newest(tmp_path, [])
+    assert snapshot.lost == before.lost, "it is not forgotten"
+    assert snapshot.run, "runs in local mode have an id, too"

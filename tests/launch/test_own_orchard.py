@@ -62,7 +62,7 @@ def test_the_scenario_in_the_document_is_one():
 def test_a_file_is_not_overwritten_and_the_sizes_are_told(tmp_path):
     pytest.importorskip("pyproj", reason=NEEDS)
     out = tmp_path / "mine.yaml"
-    told = imported(SAMPLE, "--out", out)
+    done = imported(SAMPLE, "--out", out)
     sizes = (
         f"{out}: 8 rows, 89.11 to 95.20 m long, 5.45 to 6.04 m apart; ends from west to east 99.32"
         " m apart; the roads are straight, and lie up to 7.60 m further out than a row's end, on"
@@ -72,8 +72,8 @@ def test_a_file_is_not_overwritten_and_the_sizes_are_told(tmp_path):
         " they are lines of trees, there are at most 7 rows: orchard layout import"
         f" {SAMPLE} --lines trees\n"
     )
-    assert told.exit_code == 0
-    assert told.stdout == sizes
+    assert done.exit_code == 0
+    assert done.stdout == sizes
     assert load(out).survey == parse(imported(SAMPLE).stdout).survey
     out.write_text("rows: 3")
     again = imported(SAMPLE, "--out", out)
@@ -85,10 +85,10 @@ def test_a_file_is_not_overwritten_and_the_sizes_are_told(tmp_path):
 def test_place_and_sizes_are_printed_and_drawn_on_the_plan(tmp_path):
     pytest.importorskip("pyproj", reason=NEEDS)
     plan = tmp_path / "plan.svg"
-    told = imported(SAMPLE, "--plan", plan)
+    done = imported(SAMPLE, "--plan", plan)
     place = "middle at 37.79003 S, 176.32560 E; rows run 71.0 degrees clockwise from north"
-    assert told.exit_code == 0
-    assert told.stderr.startswith(f"- {place}\n")
+    assert done.exit_code == 0
+    assert done.stderr.startswith(f"- {place}\n")
     sizes = "8 rows, 89.11 to 95.20 m long, 5.45 to 6.04 m apart"
     assert f">{sizes}; {place}</text>" in plan.read_text()
     again = imported(SAMPLE, "--plan", plan)
@@ -108,15 +108,15 @@ def test_a_file_name_stays_within_the_comment_of_the_scenario(tmp_path):
 
 
 def test_what_is_wrong_is_told_on_stderr_with_exit_code_2(tmp_path):
-    told = imported(tmp_path / "none.geojson")
+    done = imported(tmp_path / "none.geojson")
     words = f"{tmp_path / 'none.geojson'}: cannot be read: No such file or directory\n"
-    assert told.exit_code == 2
-    assert told.stdout == ""
-    assert told.stderr == words
+    assert done.exit_code == 2
+    assert done.stdout == ""
+    assert done.stderr == words
 
 
 def test_an_import_tells_how_to_get_what_it_needs(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyproj", None)
-    told = imported(SAMPLE)
-    assert told.exit_code == 2
-    assert told.stderr == "An import needs the package pyproj: pip install 'orchard-sim[survey]'\n"
+    done = imported(SAMPLE)
+    assert done.exit_code == 2
+    assert done.stderr == "An import needs the package pyproj: pip install 'orchard-sim[survey]'\n"

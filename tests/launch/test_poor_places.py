@@ -21,10 +21,10 @@ SHORT = "--rows 3 --duration 1 --hosts 1 --record none"
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
 def test_a_run_without_stdout_says_so_and_goes_on(mode, tmp_path):
     line = f"orchard {SHORT} --mode {mode} --summary summary.json >&-"
-    code, told = shell(line, tmp_path)
-    assert code == 0, told
-    assert "stdout cannot be written: it is closed; the run goes on without it" in told
-    assert "Ended by --duration" in told
+    code, err = shell(line, tmp_path)
+    assert code == 0, err
+    assert "stdout cannot be written: it is closed; the run goes on without it" in err
+    assert "Ended by --duration" in err
     assert summary_of(tmp_path / "summary.json")["ticks"] == 10
 
 
@@ -40,9 +40,9 @@ def test_a_run_without_standard_streams_writes_its_summary(tmp_path):
     ("to", "why"), [(">&-", "it is closed"), (">/dev/full", "No space left on device")]
 )
 def test_help_that_cannot_be_written_is_told(command, to, why, tmp_path):
-    code, told = shell(f"orchard {command} {to}", tmp_path)
+    code, err = shell(f"orchard {command} {to}", tmp_path)
     assert code == 2
-    assert told == f"stdout cannot be written: {why}\n"
+    assert err == f"stdout cannot be written: {why}\n"
 
 
 ANSWERS = [
@@ -61,25 +61,25 @@ def test_an_answer_that_cannot_be_written_is_a_failure(command, to, why, tmp_pat
     (tmp_path / "small.yaml").write_text("rows: 3\npeople: {workers: 0, visitors: 0}\n")
     lines = {f"r{number}": points_of(row) for number, row in enumerate(UNEQUAL)}
     write_geojson(tmp_path / "rows.geojson", lines)
-    code, told = shell(f"orchard {command} {to}", tmp_path)
-    assert code == 1, told
-    assert f"stdout cannot be written: {why}" in told
+    code, err = shell(f"orchard {command} {to}", tmp_path)
+    assert code == 1, err
+    assert f"stdout cannot be written: {why}" in err
 
 
 @pytest.mark.parametrize("command", [SHORT, "study --budget 1s", "stop", "view"])
 def test_a_working_folder_that_is_gone_is_told(command, tmp_path):
     (tmp_path / "gone").mkdir()
-    code, told = shell(f"cd gone && rmdir ../gone && orchard {command}", tmp_path)
+    code, err = shell(f"cd gone && rmdir ../gone && orchard {command}", tmp_path)
     assert code == 2
-    assert told == (
+    assert err == (
         "the folder in which this was started is not there any more; start it in another one\n"
     )
 
 
 def test_a_limit_of_files_that_is_too_low_is_told(tmp_path):
-    code, told = shell(f"ulimit -n 24; orchard {SHORT}", tmp_path)
+    code, err = shell(f"ulimit -n 24; orchard {SHORT}", tmp_path)
     assert code == 2
-    assert told == (
+    assert err == (
         "this program may open 24 files at once, and 4 processes need 68; "
         "`ulimit -n 68` allows them, and --mode local needs fewer\n"
     )
@@ -93,27 +93,27 @@ def test_a_limit_of_files_that_is_too_low_is_told(tmp_path):
     ],
 )
 def test_a_limit_of_files_that_is_too_low_to_serve_is_told(command, needs, tmp_path):
-    code, told = shell(f"ulimit -n 24; orchard {command}", tmp_path)
-    assert code == 2, told
+    code, err = shell(f"ulimit -n 24; orchard {command}", tmp_path)
+    assert code == 2, err
     allowed = needs.rpartition(" ")[2]
-    assert told.endswith(
+    assert err.endswith(
         f"this program may open 24 files at once, and {needs}; `ulimit -n {allowed}` allows them\n"
     )
 
 
 def test_a_limit_of_files_that_can_be_raised_is_raised(tmp_path):
     line = f"ulimit -Sn 24; orchard {SHORT} --summary summary.json"
-    code, told = shell(line, tmp_path)
-    assert code == 0, told
+    code, err = shell(line, tmp_path)
+    assert code == 0, err
     assert summary_of(tmp_path / "summary.json")["ticks"] == 10
 
 
 @pytest.mark.parametrize("command", [SHORT, "stop --connect tcp/127.0.0.1:9"])
 def test_a_runtime_that_zenoh_does_not_know_is_told(command, tmp_path):
-    code, told = shell(f"ZENOH_RUNTIME=nonsense orchard {command}", tmp_path)
+    code, err = shell(f"ZENOH_RUNTIME=nonsense orchard {command}", tmp_path)
     assert code == 2
-    assert told.startswith("ZENOH_RUNTIME=nonsense: expected a value that Zenoh knows, or none; ")
-    assert told.count("\n") == 1
+    assert err.startswith("ZENOH_RUNTIME=nonsense: expected a value that Zenoh knows, or none; ")
+    assert err.count("\n") == 1
 
 
 @pytest.mark.parametrize(
@@ -134,8 +134,8 @@ def test_a_runtime_without_threads_is_told(runtime, key, monkeypatch):
 
 def test_a_runtime_of_the_users_own_is_used(tmp_path):
     line = f"ZENOH_RUNTIME='(rx: (worker_threads: 1))' orchard {SHORT} --summary summary.json"
-    code, told = shell(line, tmp_path)
-    assert code == 0, told
+    code, err = shell(line, tmp_path)
+    assert code == 0, err
     assert summary_of(tmp_path / "summary.json")["ticks"] == 10
 
 

@@ -88,37 +88,37 @@ def test_the_command_line_stops_a_robot_of_a_run_here(tmp_path, runs, mode):
 
 
 def assert_pauses_and_steps() -> None:
-    told = [
+    lines = [
         orchard(*words).stdout
         for _, _, *words in commands(block("docs/how-to.md", "pause and step"))
     ]
-    first = int(told[0].removeprefix("paused: tick ").partition(",")[0])
+    first = int(lines[0].removeprefix("paused: tick ").partition(",")[0])
     then = [
         ("paused", first),
         ("paused", first + 1),
         ("paused", first + 21),
         ("playing", first + 21),
     ]
-    assert told == [f"{state}: tick {tick}, {tick / 10:.1f} s\n" for state, tick in then]
+    assert lines == [f"{state}: tick {tick}, {tick / 10:.1f} s\n" for state, tick in then]
     assert "pause it first" in orchard("step", code=2).stderr
 
 
 def test_a_late_answer_of_physics_is_told_and_taken(monkeypatch):
     """While physics does not answer, the command says that it waits."""
     monkeypatch.setattr(asking, "QUIET_SECONDS", 0.2)
-    told = SimpleQueue()
+    lines = SimpleQueue()
     robots = ["picker_01"]
-    monkeypatch.setattr(asking, "print_error", told.put)
+    monkeypatch.setattr(asking, "print_error", lines.put)
     with router() as physics, ThreadPoolExecutor() as pool:
         physics.answer("orchard/stop")
-        asked = pool.submit(
+        answer = pool.submit(
             control, RunNote("a", physics.endpoint), of_robots(robots, is_stop=True)
         )
         question = physics.inbox.take(PATIENCE)
-        assert "has not answered yet" in told.get(timeout=PATIENCE)
+        assert "has not answered yet" in lines.get(timeout=PATIENCE)
         question.reply(pack(Stopped("a", 0, robots, robots)))
         question.drop()
-        assert asked.result(20.0).changed == robots
+        assert answer.result(20.0).changed == robots
 
 
 def test_a_stop_is_asked_once_where_the_run_is_asked_for_first():
@@ -126,7 +126,7 @@ def test_a_stop_is_asked_once_where_the_run_is_asked_for_first():
     with router() as physics, ThreadPoolExecutor() as pool:
         for what in ("scenario", "stop"):
             physics.answer(f"orchard/{what}")
-        asked = pool.submit(control, RunNote("", physics.endpoint), of_robots([], is_stop=True))
+        answer = pool.submit(control, RunNote("", physics.endpoint), of_robots([], is_stop=True))
         replies = {"scenario": RunInfo("a", 0, "lockstep", [], {}), "stop": Stopped("a", 0, [], [])}
         for what in replies:
             question = physics.inbox.take(PATIENCE)
@@ -134,7 +134,7 @@ def test_a_stop_is_asked_once_where_the_run_is_asked_for_first():
             assert physics.inbox.take(1.0) is None
             question.reply(pack(replies[what]))
             question.drop()
-        assert asked.result(20.0).kept is False
+        assert answer.result(20.0).kept is False
 
 
 def test_whom_physics_never_answers_is_told_that_nobody_knows(monkeypatch):
@@ -159,14 +159,14 @@ def test_a_stop_stops_all_runs_here_whatever_one_does(runs, monkeypatch, capsys)
     monkeypatch.setattr(asking, "LOOK_SECONDS", 0.5)
     gone = noted(runs, RunNote("c", "tcp/127.0.0.1:9", "run c"))
     with two_runs(runs) as going, gone, ThreadPoolExecutor() as pool:
-        asked = pool.submit(stop)
+        answer = pool.submit(stop)
         # The second one is asked before the first one has answered.
         questions = [physics.inbox.take(PATIENCE) for physics in going]
         for question, name in zip(questions, "ab", strict=True):
             question.reply(pack(Stopped(name, 0, [f"picker_{name}"], [f"picker_{name}"], True)))
             question.drop()
         with pytest.raises(typer.Exit) as ended:
-            asked.result(20.0)
+            answer.result(20.0)
     assert ended.value.exit_code == 2
     out, err = capsys.readouterr()
     assert sorted(out.splitlines()) == ["run a: stopped: picker_a", "run b: stopped: picker_b"]

@@ -81,32 +81,32 @@ def test_an_end_is_believed_only_while_physics_goes():
 def deaf(tmp_path, monkeypatch):
     (tmp_path / "deaf.py").write_text(DEAF)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    said = []
+    lines = []
     begun = []
-    with Supervisor(lambda line: (begun if line.endswith("deaf") else said).append(line)) as fleet:
+    with Supervisor(lambda line: (begun if line.endswith("deaf") else lines).append(line)) as fleet:
         fleet.start(ProcessSpec("agents 1", "deaf", []))
         while not begun:
-            assert fleet.exit_code("agents 1") is None, said
+            assert fleet.exit_code("agents 1") is None, lines
             sleep(0.01)
-        yield fleet, said
+        yield fleet, lines
 
 
 def test_an_agent_that_thinks_on_after_the_end_is_not_waited_for(deaf, monkeypatch):
     monkeypatch.setattr(hosts, "THINK_SECONDS", 0.0)
-    fleet, said = deaf
+    fleet, lines = deaf
     hosts.await_exits(fleet, ["agents 1"], Inbox(), 60.0)
     assert fleet.exit_code("agents 1") == -signal.SIGKILL
-    assert said[0].startswith("agents 1 has not ended 0 s after the run, and is ended by force")
+    assert lines[0].startswith("agents 1 has not ended 0 s after the run, and is ended by force")
 
 
 def test_ctrl_c_ends_the_waiting_for_those_who_have_not_ended(deaf, monkeypatch):
     monkeypatch.setattr(hosts, "STOP_SECONDS", 0.0)
-    fleet, said = deaf
+    fleet, lines = deaf
     inbox = Inbox()
     inbox.put(Signal(signal.SIGINT))
     hosts.await_exits(fleet, ["agents 1"], inbox, 60.0)
     assert fleet.exit_code("agents 1") == -signal.SIGKILL
-    assert said == []
+    assert lines == []
 
 
 class Loading:

@@ -142,8 +142,8 @@ def test_who_is_missing_is_told_and_a_guest_is_all_that_it_takes(tmp_path):
         "--rows", 3, *left, "--duration", 5, "--record", "none", "--summary", path
     ) as run:
         typed = shlex.split(line_with("left to other processes: ", run).partition("processes: ")[2])
-        said = line_with("waiting for", run)
-        assert "carrier_01, carrier_02" in said
+        line = line_with("waiting for", run)
+        assert "carrier_01, carrier_02" in line
         guest = subprocess.run(typed, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE)
         assert guest.returncode == 0, guest.stdout + guest.stderr
         assert "hosting carrier_01, carrier_02, picker_01" in guest.stdout

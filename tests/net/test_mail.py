@@ -137,8 +137,8 @@ def test_an_answer_to_what_was_heard_earlier_goes_nowhere():
 def ask(box, tick=5):
     """Let bin_01 ask picker_01 at a tick. Return what is to be sent."""
     box.deliver(tick)
-    (asked,) = box.write("bin_01", Action(requests=[("picker_01", StateRequest())]))
-    return asked
+    (request,) = box.write("bin_01", Action(requests=[("picker_01", StateRequest())]))
+    return request
 
 
 def test_a_tick_waits_for_every_request_physics_tells_of():
@@ -163,18 +163,18 @@ def test_who_has_just_joined_waits_for_no_request():
 
 def test_a_tick_waits_until_each_get_of_two_ticks_ago_is_final():
     box = mailbox()
-    asked = ask(box)
+    request = ask(box)
     box.deliver(6)
     assert not box.is_settled(7, [])
-    asked.final = True
+    request.final = True
     assert box.is_settled(7, [])
 
 
 def test_an_answer_is_heard_two_ticks_after_the_request():
     box = mailbox()
-    asked = ask(box)
-    box.replied(asked, pack(Received(RUN, 5)))
-    box.replied(asked, pack(Answered(RUN, 6, Yes())))
+    request = ask(box)
+    box.replied(request, pack(Received(RUN, 5)))
+    box.replied(request, pack(Answered(RUN, 6, Yes())))
     assert box.deliver(6) == {}
     ((reply,),) = (mail.replies for mail in box.deliver(7).values())
     assert reply.sender == "picker_01"
@@ -185,10 +185,10 @@ def test_an_answer_is_heard_two_ticks_after_the_request():
 def test_in_realtime_an_answer_is_heard_once():
     box = RealtimeMailbox(RUN)
     box.join(5)
-    asked = ask(box)
-    box.replied(asked, pack(Received(RUN, 5)))
-    box.replied(asked, pack(Answered(RUN, 6, Yes())))
-    asked.final = True
+    request = ask(box)
+    box.replied(request, pack(Received(RUN, 5)))
+    box.replied(request, pack(Answered(RUN, 6, Yes())))
+    request.final = True
     ((reply,),) = (mail.replies for mail in box.deliver(6).values())
     assert reply.body == Yes()
     assert box.deliver(7) == {}
@@ -204,11 +204,11 @@ def test_no_answer_is_heard_as_none():
 @pytest.mark.parametrize("tick", [5, 7])
 def test_an_answer_of_another_tick_is_refused(tick):
     box = mailbox()
-    asked = ask(box)
-    box.replied(asked, pack(Received(RUN, 5)))
+    request = ask(box)
+    box.replied(request, pack(Received(RUN, 5)))
     with pytest.raises(Refused, match="an answer of"):
-        box.replied(asked, pack(Answered(RUN, tick, Yes())))
-    assert asked.answer is None
+        box.replied(request, pack(Answered(RUN, tick, Yes())))
+    assert request.answer is None
 
 
 def test_who_joins_again_forgets_all_mail():
@@ -226,16 +226,16 @@ def test_who_joins_again_forgets_all_mail():
 
 
 def test_an_agent_has_one_owner_until_that_one_is_gone():
-    one = roster(("picker_01", "a"))
-    one.token("picker_01", "b", True)
+    roster_ = roster(("picker_01", "a"))
+    roster_.token("picker_01", "b", True)
     assert (
-        one.may_join("picker_01", "b")
+        roster_.may_join("picker_01", "b")
         == "it is taken, by session a; a run that is started --without picker_01 leaves it to"
         " others"
     )
-    assert one.may_join("picker_01", "a") == ""
-    one.token("picker_01", "a", False)
-    assert one.may_join("picker_01", "b") == ""
+    assert roster_.may_join("picker_01", "a") == ""
+    roster_.token("picker_01", "a", False)
+    assert roster_.may_join("picker_01", "b") == ""
 
 
 def test_strangers_and_the_silent_cannot_join():
@@ -244,9 +244,9 @@ def test_strangers_and_the_silent_cannot_join():
 
 
 def test_the_released_are_told_by_owner():
-    one = roster(("picker_01", "a"), ("bin_01", "a"))
-    assert one.release({"picker_01", "bin_01"}) == {"a": ["bin_01", "picker_01"]}
-    assert one.owners == {}
+    roster_ = roster(("picker_01", "a"), ("bin_01", "a"))
+    assert roster_.release({"picker_01", "bin_01"}) == {"a": ["bin_01", "picker_01"]}
+    assert roster_.owners == {}
 
 
 def velocity(tick):
@@ -336,25 +336,25 @@ def test_answers_are_applied_in_one_order():
 
 def loose(ticks):
     clock = Clock()
-    one = UnownedCommands(clock)
+    commands = UnownedCommands(clock)
     for tick in range(ticks):
-        one.begin(tick)
-    return one, clock
+        commands.begin(tick)
+    return commands, clock
 
 
 def test_what_is_older_than_half_a_second_is_past():
-    one, clock = loose(20)
-    one.take("picker_01", velocity(10))
+    commands, clock = loose(20)
+    commands.take("picker_01", velocity(10))
     with pytest.raises(Refused, match="past tick"):
-        one.take("picker_01", velocity(9))
-    one.take("bin_01", velocity(1))
+        commands.take("picker_01", velocity(9))
+    commands.take("bin_01", velocity(1))
     clock.now += 0.5
-    one.begin(20)
+    commands.begin(20)
     with pytest.raises(Refused, match="past tick"):
-        one.take("weed_01", velocity(15))
+        commands.take("weed_01", velocity(15))
     with pytest.raises(Refused, match="future tick"):
-        one.take("weed_01", velocity(21))
-    one.take("weed_01", velocity(16))
+        commands.take("weed_01", velocity(21))
+    commands.take("weed_01", velocity(16))
 
 
 def test_ticks_are_spread_over_time_and_a_little_is_made_good():

@@ -69,10 +69,10 @@ class Crowd(StandIn):
 )
 def test_who_asks_takes_the_reply_that_makes_sense(other, what, type_):
     example = next(p for _, p in reversed(other[what]) if not refusal_of(p, type_, "other"))
-    good = rewritten(example, run=RUN)
+    valid = rewritten(example, run=RUN)
     refusals = Refusals()
     bads = [payload for _, payload in bad_messages(other, what, 500, 4)]
-    crowd = Crowd([*bads, good])
+    crowd = Crowd([*bads, valid])
     reply = ask(
         crowd,
         KEYS.of(what),
@@ -85,9 +85,9 @@ def test_who_asks_takes_the_reply_that_makes_sense(other, what, type_):
 
 
 def test_a_newcomer_hears_physics_among_others(other):
-    good = next(p for _, p in other["scenario"])
+    valid = next(p for _, p in other["scenario"])
     assert (
-        fetch_run(Crowd([b"\xc1", b"", msgpack.packb({"run": RUN}), *oversized(), good]), KEYS).run
+        fetch_run(Crowd([b"\xc1", b"", msgpack.packb({"run": RUN}), *oversized(), valid]), KEYS).run
         == "other"
     )
 
@@ -111,10 +111,10 @@ class Refusing(Crowd):
 
 
 def test_a_newcomer_asks_again_if_another_client_refuses(other):
-    good = next(p for _, p in other["scenario"])
-    assert fetch_run(Refusing(20, good), KEYS).run == "other"
+    valid = next(p for _, p in other["scenario"])
+    assert fetch_run(Refusing(20, valid), KEYS).run == "other"
     with pytest.raises(ErrorReply, match="no"):
-        fetch_run(Refusing(100, good), KEYS, tries=20)
+        fetch_run(Refusing(100, valid), KEYS, tries=20)
 
 
 def test_what_is_told_is_short_and_does_nothing_to_a_terminal(caplog):

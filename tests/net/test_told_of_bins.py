@@ -23,8 +23,8 @@ def test_a_bin_tells_when_it_couples_and_when_it_is_full():
     full = replace(coupled, full=True)
     for seen in (alone, alone, coupled, coupled, full, full, alone):
         board.update(seen)
-    told = [read(payload, BinStatus) for _, payload in net.sent]
-    assert [(state.full, state.coupled_to) for state in told] == [
+    statuses = [read(payload, BinStatus) for _, payload in net.sent]
+    assert [(state.full, state.coupled_to) for state in statuses] == [
         (False, ""),
         (False, "picker_01"),
         (True, "picker_01"),

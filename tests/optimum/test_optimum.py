@@ -236,10 +236,10 @@ def test_the_command_tells_that_the_clock_has_cut_the_search(tmp_path, capsys, m
     monkeypatch.setattr("orchard.optimum.schedule.LEAST_PATIENCE", 0.01)
     monkeypatch.setattr("orchard.optimum.schedule.PATIENCE_FOR_WORK", 0.0)
     (tmp_path / "my.yaml").write_text("{rows: 12, pickers: 6, carriers: 4, picking_speed: 0.5}")
-    found = tmp_path / "found.json"
-    print_bound(BoundOptions(scenario=str(tmp_path / "my.yaml"), work=10.0, summary=found))
+    summary = tmp_path / "found.json"
+    print_bound(BoundOptions(scenario=str(tmp_path / "my.yaml"), work=10.0, summary=summary))
     assert "cut by the clock, after 0 s" in capsys.readouterr().out.replace("\n", " ")
-    assert json.loads(found.read_text())["rows_to_pickers"]["balanced-ends"]["cut_after_seconds"]
+    assert json.loads(summary.read_text())["rows_to_pickers"]["balanced-ends"]["cut_after_seconds"]
 
 
 def test_the_command_tells_the_limit_of_study_and_page(tmp_path, capsys):
@@ -248,12 +248,12 @@ def test_the_command_tells_the_limit_of_study_and_page(tmp_path, capsys):
         "{rows: 4, pickers: 2, carriers: 1, picking_speed: 0.05, seed: 3, picking: {spread:"
         " {distribution: lognormal}}}"
     )
-    found = tmp_path / "found.json"
-    print_bound(BoundOptions(scenario=tmp_path / "my.yaml", work=0.1, summary=found))
+    summary = tmp_path / "found.json"
+    print_bound(BoundOptions(scenario=tmp_path / "my.yaml", work=0.1, summary=summary))
     limit = limit_of_question(load(tmp_path / "my.yaml"))
     words = f"the {limit.bottleneck} would allow {limit.bins_per_hour:.1f} bins an hour"
     assert words in capsys.readouterr().out.replace("\n", " ")
-    assert json.loads(found.read_text())["limit_bins_per_hour"] == limit.bins_per_hour
+    assert json.loads(summary.read_text())["limit_bins_per_hour"] == limit.bins_per_hour
 
 
 def test_a_search_that_its_work_ends_was_not_cut():

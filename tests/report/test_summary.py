@@ -158,15 +158,15 @@ def test_the_time_left_is_that_of_the_schedule_or_the_rest(changes, until, left)
 def test_a_run_that_gets_ready_shows_that_it_goes_on(monkeypatch):
     monkeypatch.setattr("orchard.report.progress.STILL_SECONDS", 0.001)
     lines = io.StringIO()
-    told = threading.Event()
+    is_told = threading.Event()
     with Progress(Console(file=lines)) as progress:
         monkeypatch.setattr(
             progress,
             "say",
-            lambda words: (lines.write(words + "\n"), told.set() if "so far" in words else None),
+            lambda words: (lines.write(words + "\n"), is_told.set() if "so far" in words else None),
         )
         progress.get_ready("compiling")
-        assert told.wait(PATIENCE)
+        assert is_told.wait(PATIENCE)
         progress.show(FIGURES, {}, {})
         progress.preparing.join(PATIENCE)
     assert lines.getvalue().startswith("compiling\ngetting ready: 0:00 min so far\n")
@@ -238,8 +238,8 @@ ENDS = [
 
 def test_a_rate_of_part_full_bins_says_that_it_counts_full_ones():
     """The limit beside it counts full bins, too. Five full bins in this time are 18.6 an hour."""
-    told = sentence(harvested(bins_per_hour=12.4))
-    assert told.endswith("simulated: 12.4 full bins an hour.")
+    words = sentence(harvested(bins_per_hour=12.4))
+    assert words.endswith("simulated: 12.4 full bins an hour.")
     assert sentence(harvested()).endswith("simulated: 18.6 bins an hour.")
 
 
@@ -249,8 +249,8 @@ def test_the_first_sentence_tells_how_the_run_ended(figures, words):
 
 
 def test_a_harvest_with_a_shift_tells_its_day():
-    told = sentence(harvested(working_day="day 2 at 09:40"))
-    assert ", simulated, done on day 2 at 09:40: 18.6 bins an hour." in told
+    words = sentence(harvested(working_day="day 2 at 09:40"))
+    assert ", simulated, done on day 2 at 09:40: 18.6 bins an hour." in words
 
 
 def test_a_run_stopped_before_its_first_tick_has_a_sentence():
@@ -288,11 +288,11 @@ LIMITS = [
 @pytest.mark.parametrize(("figures", "limited_by", "lost"), LIMITS)
 def test_the_second_sentence_tells_limit_and_main_loss(figures, limited_by, lost):
     """It says what limits the harvest, and to what most time was lost."""
-    told = (
+    words = (
         f"What limits it: {limited_by}, to 24.9 bins an hour in a long harvest of these rows"
         f" without traffic{lost}."
     )
-    assert limit_sentence(harvested(**figures)) == told
+    assert limit_sentence(harvested(**figures)) == words
 
 
 def test_six_figures_are_in_words():

@@ -223,10 +223,10 @@ def test_nothing_is_kept_of_a_session_without_agents(run):
     """Another session has taken the last of its agents."""
     drivers = run.physics.run.drivers
     retired = run.physics.bus.retired
-    one, other = drivers.roster.names[:2]
-    coming(drivers, "first", [one, other])
-    going(drivers, "first", [one, other])
-    coming(drivers, "second", [one])
+    first, other = drivers.roster.names[:2]
+    coming(drivers, "first", [first, other])
+    going(drivers, "first", [first, other])
+    coming(drivers, "second", [first])
     assert retired == [], "the first holds one still"
     coming(drivers, "third", [other])
     assert retired == [KEYS.of("seen", session="first")]

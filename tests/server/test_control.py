@@ -233,8 +233,8 @@ def test_a_run_that_is_reset_begins_again(fleet, tmp_path, seed):
     assert asked(someone, "simulation_state") == (0, "paused")
     asked(someone, "set_simulation_state", state="playing")
     scenario = ERRING if seed is None else ERRING.model_copy(update={"seed": seed})
-    said = [fleet.world.line() for _ in range(2)]
-    assert said[0].startswith("reset: tick 20"), said
+    lines = [fleet.world.line() for _ in range(2)]
+    assert lines[0].startswith("reset: tick 20"), lines
     assert fleet.end() == leave_tables(scenario, tmp_path / "local")
     for name in (
         "bodies",

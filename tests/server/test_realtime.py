@@ -62,12 +62,12 @@ def driven(one, clock, ticks):
 
 def test_a_velocity_drives_on_for_half_a_second():
     """In that time an older velocity is refused."""
-    one, clock = live()
-    one.open(0)
-    one.take("picker_01", *driving(0))
-    assert driven(one, clock, 9) == [1.0] * 5 + [0.0] * 4
+    drivers, clock = live()
+    drivers.open(0)
+    drivers.take("picker_01", *driving(0))
+    assert driven(drivers, clock, 9) == [1.0] * 5 + [0.0] * 4
     with pytest.raises(Refused, match="past tick"):
-        one.take("picker_01", *driving(3))
+        drivers.take("picker_01", *driving(3))
 
 
 @pytest.mark.parametrize(
@@ -124,90 +124,90 @@ def test_an_unheld_robot_moves_for_half_a_second_in_lockstep(pause):
 
 
 def test_the_newest_velocity_counts_although_it_is_late():
-    one, clock = live()
+    drivers, clock = live()
     for tick in range(3):
-        one.open(tick)
+        drivers.open(tick)
         clock.now += STEP
-    one.take("picker_01", *driving(1, 0.5))
-    assert one.actions()["picker_01"].twist == Twist(0.5)
-    one.take("picker_01", *driving(2, 0.7))
-    assert one.actions()["picker_01"].twist == Twist(0.7)
+    drivers.take("picker_01", *driving(1, 0.5))
+    assert drivers.actions()["picker_01"].twist == Twist(0.5)
+    drivers.take("picker_01", *driving(2, 0.7))
+    assert drivers.actions()["picker_01"].twist == Twist(0.7)
     for wrong, reason in [
         (driving(1), "past tick"),
         (driving(2), "answered already"),
         (driving(9), "future tick"),
     ]:
         with pytest.raises(Refused, match=reason):
-            one.take("picker_01", *wrong)
+            drivers.take("picker_01", *wrong)
     with pytest.raises(Refused, match="not the owner"):
-        one.take("picker_01", *driving(2, owner="b"))
+        drivers.take("picker_01", *driving(2, owner="b"))
 
 
 def test_an_exact_velocity_drives_one_step_from_its_pose():
-    one, clock = live()
-    one.open(0)
-    one.take("picker_01", *driving(0, once=True))
-    assert driven(one, clock, 2) == [1.0, 0.0]
-    one.take("picker_01", *driving(1, 0.5, once=True))
-    assert driven(one, clock, 2) == [0.5, 0.0], "late, but the robot has stood since"
-    one.take("picker_01", *driving(2, 0.5, once=True))
-    assert driven(one, clock, 1) == [0.0], "late, and the robot has moved since"
+    drivers, clock = live()
+    drivers.open(0)
+    drivers.take("picker_01", *driving(0, once=True))
+    assert driven(drivers, clock, 2) == [1.0, 0.0]
+    drivers.take("picker_01", *driving(1, 0.5, once=True))
+    assert driven(drivers, clock, 2) == [0.5, 0.0], "late, but the robot has stood since"
+    drivers.take("picker_01", *driving(2, 0.5, once=True))
+    assert driven(drivers, clock, 1) == [0.0], "late, and the robot has moved since"
 
 
 def test_deeds_are_done_once_and_nothing_that_was_said_is_lost():
-    one, clock = live()
-    one.open(0)
-    one.take("picker_01", *driving(0, deeds=[COUPLE], memory=b"old"))
+    drivers, clock = live()
+    drivers.open(0)
+    drivers.take("picker_01", *driving(0, deeds=[COUPLE], memory=b"old"))
     clock.now += STEP
-    one.open(1)
-    one.take("picker_01", *driving(1))
-    assert one.actions()["picker_01"].deeds == [COUPLE]
-    assert one.reports["picker_01"].memory == b"old"
-    one.open(2)
-    assert one.actions()["picker_01"].deeds == []
-    assert one.reports == {}
+    drivers.open(1)
+    drivers.take("picker_01", *driving(1))
+    assert drivers.actions()["picker_01"].deeds == [COUPLE]
+    assert drivers.reports["picker_01"].memory == b"old"
+    drivers.open(2)
+    assert drivers.actions()["picker_01"].deeds == []
+    assert drivers.reports == {}
 
 
 def test_letters_are_told_once_beside_a_bare_velocity():
-    one, clock = live()
-    one.open(0)
+    drivers, clock = live()
+    drivers.open(0)
     answers = given_by(Action(answers=[(Heard("bin_01", 0, 0, StateRequest()), Yes())]))
-    one.take("picker_01", *driving(0, requests=[("bin_01", StateRequest())], answers=answers))
+    drivers.take("picker_01", *driving(0, requests=[("bin_01", StateRequest())], answers=answers))
     clock.now += STEP
-    one.open(1)
-    one.take("picker_01", *driving(1, 0.5))
-    assert one.actions()["picker_01"].twist.x == 0.5
-    assert len(one.reports["picker_01"].requests) == 1
-    assert one.reports["picker_01"].answers == answers
+    drivers.open(1)
+    drivers.take("picker_01", *driving(1, 0.5))
+    assert drivers.actions()["picker_01"].twist.x == 0.5
+    assert len(drivers.reports["picker_01"].requests) == 1
+    assert drivers.reports["picker_01"].answers == answers
 
 
 def test_who_answers_in_time_has_longer_than_who_was_late():
     """A client that answers in time has a moment longer than a tick; one that was late has less."""
-    one, clock = live(("picker_01", "a"), ("bin_01", "b"))
-    one.open(0)
-    assert one.deadline == pytest.approx(clock.now + STEP + SLACK)
-    one.take("picker_01", *driving(0))
-    assert one.give_up() == set()
-    one.actions()
+    drivers, clock = live(("picker_01", "a"), ("bin_01", "b"))
+    drivers.open(0)
+    assert drivers.deadline == pytest.approx(clock.now + STEP + SLACK)
+    drivers.take("picker_01", *driving(0))
+    assert drivers.give_up() == set()
+    drivers.actions()
     clock.now += STEP
-    one.open(1, lag=0.15)
-    assert one.deadline == pytest.approx(clock.now + STEP + SLACK - 0.15)
-    one.take("picker_01", *driving(1))
-    assert one.deadline == pytest.approx(clock.now + STEP / 2)
-    one.actions()
-    one.open(2, lag=10.0)
-    assert one.deadline == pytest.approx(clock.now + STEP / 2), "the clock does not wait"
-    figures = one.figures()
+    drivers.open(1, lag=0.15)
+    assert drivers.deadline == pytest.approx(clock.now + STEP + SLACK - 0.15)
+    drivers.take("picker_01", *driving(1))
+    assert drivers.deadline == pytest.approx(clock.now + STEP / 2)
+    drivers.actions()
+    drivers.open(2, lag=10.0)
+    assert drivers.deadline == pytest.approx(clock.now + STEP / 2), "the clock does not wait"
+    figures = drivers.figures()
     assert figures["ticks_late"] == 2
     assert figures["velocities_missed"] == 2
 
 
 def test_the_robot_of_one_who_is_gone_stands_at_once():
-    one, _ = live()
-    one.open(0)
-    one.take("picker_01", *driving(0))
-    one.release("picker_01")
-    assert one.actions() == {}
+    drivers, _ = live()
+    drivers.open(0)
+    drivers.take("picker_01", *driving(0))
+    drivers.release("picker_01")
+    assert drivers.actions() == {}
 
 
 def test_mail_is_heard_at_the_next_tick_whichever_that_is():

@@ -97,13 +97,14 @@ def test_a_delivery_that_nobody_made_is_named(checker, world):
 
 def test_a_bin_on_two_robots_is_named(checker, world):
     world.coupled[world.index["carrier_01"]] = world.index["bin_01"]
-    found = after(checker, world)
+    violations = after(checker, world)
     assert (
         "tick 1: bin_01 is not at one place: it is on picker_01, and coupled to carrier_01 and"
-        " picker_01" in found
+        " picker_01" in violations
     )
     assert (
-        "tick 1: bin_03 is not at one place: it is on carrier_01, and coupled to no robot" in found
+        "tick 1: bin_03 is not at one place: it is on carrier_01, and coupled to no robot"
+        in violations
     )
 
 
@@ -117,9 +118,9 @@ def test_a_bin_that_is_unloaded_without_a_carrier_is_named(checker, world):
 @pytest.mark.parametrize("metres", [-0.5, 70.5])
 def test_a_bin_that_holds_what_no_bin_can_is_named(checker, world, metres):
     world.fill[world.index["bin_01"]] = metres
-    found = after(checker, world)
-    assert f"tick 1: bin_01 holds {metres:g} m; a bin holds 0 to 70 m" in found
-    assert f"tick 1: 0.000 m are picked, but {metres:.3f} m are in bins or delivered" in found
+    violations = after(checker, world)
+    assert f"tick 1: bin_01 holds {metres:g} m; a bin holds 0 to 70 m" in violations
+    assert f"tick 1: 0.000 m are picked, but {metres:.3f} m are in bins or delivered" in violations
 
 
 def test_a_row_that_grows_back_is_named(checker, world):
@@ -160,9 +161,11 @@ EXCHANGES = [
 
 @pytest.mark.parametrize(("events", "words"), EXCHANGES)
 def test_a_call_that_does_not_end_in_one_exchange_is_named(checker, world, events, words):
-    found = after(checker, world, *events)
-    assert f"tick 1: {words}" in found
-    assert len(found) == 1 or events is ELSEWHERE, "an unloading that nobody counts is named too"
+    violations = after(checker, world, *events)
+    assert f"tick 1: {words}" in violations
+    assert len(violations) == 1 or events is ELSEWHERE, (
+        "an unloading that nobody counts is named too"
+    )
 
 
 def test_a_call_that_is_open_when_the_harvest_is_over_is_named(checker, world):
@@ -187,11 +190,11 @@ def test_a_picker_that_got_no_empty_bin_is_named(checker, world):
 def test_a_body_in_another_is_named(checker, world, other):
     x, y, _ = world.pose[world.index[other]]
     world.pose[world.index["carrier_02"]] = x + 0.5, y, 0.3
-    found = checker.end(world, finished=False)
+    violations = checker.end(world, finished=False)
     assert any(
         "overlaps" in violation and "carrier_02" in violation and other in violation
-        for violation in found
-    ), found
+        for violation in violations
+    ), violations
 
 
 def test_a_robot_in_a_tree_is_named(checker, world):
@@ -205,8 +208,8 @@ def test_a_robot_in_a_tree_is_named(checker, world):
 
 def test_bodies_are_looked_at_once_a_second(checker, world):
     world.pose[world.index["carrier_02"], :2] = world.pose[world.index["picker_01"], :2]
-    found = [bool(after(checker, world)) for _ in range(10)]
-    assert found == [False] * 9 + [True]
+    are_violated = [bool(after(checker, world)) for _ in range(10)]
+    assert are_violated == [False] * 9 + [True]
 
 
 def test_what_stays_wrong_is_told_once(checker, world):
@@ -305,18 +308,7 @@ orchard.sim.engine.step = step
 
 def test_a_violation_is_exit_code_1_and_in_the_summary(tmp_path):
     program = f"{SABOTAGE}from orchard.__main__ import main; main()"
-    words = [
-        "--mode",
-        "local",
-        "--rows",
-        "3",
-        "--duration",
-        "2",
-        "--record",
-        "none",
-        "--summary",
-        "summary.json",
-    ]
+    local = ("--mode", "local", "--rows", 3, "--duration", 2, "--record", "none")
     done = python(
         "-c", program, *local, "--summary", "summary.json", code=1, cwd=tmp_path, PYTHONPATH=PATH
     )
@@ -325,19 +317,7 @@ def test_a_violation_is_exit_code_1_and_in_the_summary(tmp_path):
 
 
 def test_a_violation_in_physics_is_exit_code_1(tmp_path):
-    kinds = [
-        "picker",
-        "carrier",
-        "bin",
-        "tractor",
-        "worker",
-        "visitor",
-        "dog",
-        "cat",
-        "weed",
-        "traffic",
-        "dispatch",
-    ]
+    kinds = [*KINDS, "traffic", "dispatch"]
     nobody_drives = [word for kind in kinds for word in ("--absent", kind)]
     program = "from orchard.processes.physics import main; sys.exit(main(sys.argv[1:]))"
     words = ("--duration", 2, *nobody_drives)

@@ -283,8 +283,8 @@ def test_a_rehearsal_changes_nothing():
     engine = Engine.begin(Scenario())
     other = Engine.begin(Scenario())
     engine.rehearse()
-    for one in (engine, other):
-        one.observe()
-        one.advance({}, {})
+    for each in (engine, other):
+        each.observe()
+        each.advance({}, {})
     assert engine.hash == other.hash
     assert engine.figures_as_data() == other.figures_as_data()

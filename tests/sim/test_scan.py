@@ -190,25 +190,25 @@ def test_a_range_beyond_ten_metres_is_no_return():
 
 
 def test_everybody_is_told_its_place_and_its_hitch():
-    told = picker_with_bin(yaw=NORTH)
-    told.world.fill[1] = 70.0
-    told.drive(1, picker_01=Twist(0.3))
-    scans = Scanner(told.world).scan(told.world)
-    seen = observe(told.world, scans)
+    with_bin = picker_with_bin(yaw=NORTH)
+    with_bin.world.fill[1] = 70.0
+    with_bin.drive(1, picker_01=Twist(0.3))
+    scans = Scanner(with_bin.world).scan(with_bin.world)
+    seen = observe(with_bin.world, scans)
     picker = seen["picker_01"]
     bin_ = seen["bin_02"]
-    assert picker.pose == pytest.approx(told.pose("picker_01"), abs=1e-15)
+    assert picker.pose == pytest.approx(with_bin.pose("picker_01"), abs=1e-15)
     assert picker.tick == 1
     assert picker.twist == (0.3, 0.0, 0.0)
     assert not picker.full
     assert picker.hitch.name == "bin_02"
     assert picker.hitch.scan.tobytes() == scans[1].tobytes()
     assert picker.scan.tobytes() == scans[0].tobytes()
-    assert picker.hitch.pose == pytest.approx(told.pose("bin_02"), abs=1e-15)
+    assert picker.hitch.pose == pytest.approx(with_bin.pose("bin_02"), abs=1e-15)
     assert bin_.hitch.name == "picker_01"
     assert bin_.hitch.scan is None
     assert bin_.hitch.twist == (0.3, 0.0, 0.0)
     assert bin_.fill == 70.0
     assert bin_.full
-    told.world.coupled[:] = NONE
-    assert observe(told.world, scans)["picker_01"].hitch is None
+    with_bin.world.coupled[:] = NONE
+    assert observe(with_bin.world, scans)["picker_01"].hitch is None

@@ -212,9 +212,9 @@ def test_a_foreign_clients_velocity_moves_no_stopped_robot(fleet):
     while pose["twist"]["linear"]["x"] == 0.0:
         someone.drive("picker_01", pose["tick"], 0.5)
         pose = wait_for(poses, lambda pose: True)
-    told = ask(someone, True, "picker_01")
-    assert sorted(told["changed"]) == sorted(told["stopped"]) == ["bin_01", "picker_01"]
-    stands = wait_for(poses, lambda pose: pose["tick"] == told["tick"] + 1)
+    answer = ask(someone, True, "picker_01")
+    assert sorted(answer["changed"]) == sorted(answer["stopped"]) == ["bin_01", "picker_01"]
+    stands = wait_for(poses, lambda pose: pose["tick"] == answer["tick"] + 1)
     for _ in range(30):
         someone.drive("picker_01", stands["tick"], 0.5)
         pose = wait_for(poses, lambda pose: True)
@@ -325,7 +325,7 @@ def test_a_stop_that_cannot_be_kept_is_answered_so(fleet, tmp_path):
     fleet.physics(SMALL, *kept_in(tmp_path))
     someone = fleet.client()
     wait_for(someone.hear("orchard/figures"), lambda figures: figures["tick"] > 0)
-    told = ask(someone, True, "picker_01")
-    assert sorted(told["stopped"]) == ["bin_01", "picker_01"]
-    assert not told["kept"]
+    answer = ask(someone, True, "picker_01")
+    assert sorted(answer["stopped"]) == ["bin_01", "picker_01"]
+    assert not answer["kept"]
     fleet.stop()

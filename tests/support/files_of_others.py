@@ -31,7 +31,7 @@ def told_of_others(command: Sequence[object], folder: Path) -> tuple[list[str], 
             (folder / name).write_text(OTHERS[name])
             written.append(name)
         words += filter(None, (option, name))
-    told = orchard(*words, code=2, folder=folder).stderr
-    assert "that the Orchard has written, and is not replaced; expected another name" in told
+    err = orchard(*words, code=2, folder=folder).stderr
+    assert "that the Orchard has written, and is not replaced; expected another name" in err
     assert all((folder / name).read_text() == OTHERS[name] for name in written)
-    return written, told
+    return written, err

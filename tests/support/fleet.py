@@ -71,14 +71,14 @@ class Process:
 
         `line` and `end` cannot be used any more.
         """
-        heard = queue.Queue()
+        messages = queue.Queue()
 
         def read() -> None:
             for line in self._popen.stdout:
-                heard.put(json.loads(line))
+                messages.put(json.loads(line))
 
         threading.Thread(target=read, daemon=True).start()
-        return heard
+        return messages
 
     def end(self, seconds: float = PATIENCE) -> tuple[int, str, str]:
         """Wait until the process ends by itself. Return its exit code, stdout and stderr."""
@@ -210,22 +210,22 @@ class Client(AnyClient):
             yield cls(session, run)
 
     def hear(self, key: str) -> queue.Queue:
-        heard = queue.Queue()
+        messages = queue.Queue()
 
         def put(sample) -> None:
             # Of tests that put nonsense.
             with suppress(ValueError, msgpack.UnpackException):
-                heard.put(msgpack.unpackb(sample.payload.to_bytes()))
+                messages.put(msgpack.unpackb(sample.payload.to_bytes()))
 
         self.session.declare_subscriber(key, put)
-        return heard
+        return messages
 
     def tokens(self, keys: str) -> queue.Queue:
-        heard = queue.Queue()
+        changes = queue.Queue()
         self.session.liveliness().declare_subscriber(
-            keys, lambda sample: heard.put(sample.kind == zenoh.SampleKind.PUT), history=True
+            keys, lambda sample: changes.put(sample.kind == zenoh.SampleKind.PUT), history=True
         )
-        return heard
+        return changes
 
     def declare(self, token: str):
         return self.session.liveliness().declare_token(token)

@@ -156,12 +156,12 @@ def harm(name: str, *ends: str) -> None:
 
 def harms(name: str, end: str) -> dict[str, int]:
     """Return how many packets were sent, and how many were lost, at one end that `harm` has met."""
-    told = subprocess.run(
+    output = subprocess.run(
         [tool("tc"), "-s", "-j", "-n", name, "qdisc", "show", "dev", end],
         check=True,
         capture_output=True,
         text=True,
         timeout=PATIENCE,
     ).stdout
-    (queue,) = [queue for queue in json.loads(told) if queue["kind"] == "netem"]
+    (queue,) = [queue for queue in json.loads(output) if queue["kind"] == "netem"]
     return {"sent": queue["packets"], "lost": queue["drops"]}

@@ -113,10 +113,10 @@ def compared(
     """
     for look in LOOKS:
         seen = {i: [value(i, seed) for seed in range(look)] for i in range(len(robots))}
-        found = compare(seen, dict(enumerate(robots)), is_max, 0.95, within)
-        if not found.undecided:
+        result = compare(seen, dict(enumerate(robots)), is_max, 0.95, within)
+        if not result.undecided:
             break
-    return found, seen
+    return result, seen
 
 
 def carriers(number: int) -> dict[str, int]:

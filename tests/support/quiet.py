@@ -48,14 +48,14 @@ def random_layouts(
 
 def laid_out(drawn: Callable[[], dict[str, Any]], count: int) -> Iterator[Layout]:
     """Yield the layouts of so many drawn scenarios. What cannot be built is drawn again."""
-    made = 0
-    while made < count:
+    laid = 0
+    while laid < count:
         values = drawn()
         try:
             layout = lay_out(Scenario.model_validate(values))
         except (ScenarioError, ValidationError):
             continue
-        made += 1
+        laid += 1
         yield layout
 
 

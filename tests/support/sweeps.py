@@ -174,14 +174,14 @@ class SweepingWalk(Walk):
 
 def sweeps_at_rows(layout: Layout) -> list[Sweep]:
     """Return what is swept near the rows, each thing once."""
-    found = {}
+    sweeps = {}
     for walk in walks_of(layout, SweepingWalk):
         assert isinstance(walk, SweepingWalk)
         for sweep in walk.sweeps:
             if (sweep.boxes[:, 1] - sweep.boxes[:, 2]).min() < NORTH:
                 key = (sweep.what, sweep.robot, sweep.stage, sweep.places, sweep.alone)
-                found[(*key, sweep.has_swapped, sweep.has_bin, sweep.boxes.tobytes())] = sweep
-    return list(found.values())
+                sweeps[(*key, sweep.has_swapped, sweep.has_bin, sweep.boxes.tobytes())] = sweep
+    return list(sweeps.values())
 
 
 def collisions(layout: Layout) -> list[tuple[Sweep, Sweep]]:

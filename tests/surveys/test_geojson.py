@@ -105,9 +105,9 @@ def test_the_same_rows_come_from_any_coordinate_system(crs: str, file: Path):
     del content["crs"]
     file.write_text(json.dumps(content))
     other = import_rows(file, None if crs == "OGC:CRS84" else crs).survey
-    for one, same in zip(survey.rows, other.rows, strict=True):
+    for row, same in zip(survey.rows, other.rows, strict=True):
         assert (same.south, same.start, same.length) == pytest.approx(
-            (one.south, one.start, one.length), abs=0.003
+            (row.south, row.start, row.length), abs=0.003
         )
     back = pyproj.Transformer.from_crs(other.origin.crs, "EPSG:2193", always_xy=True)
     assert back.transform(*other.origin.place(40.0, -20.0)) == pytest.approx(

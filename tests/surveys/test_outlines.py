@@ -43,7 +43,7 @@ def test_long_polygons_are_rows_by_their_centre_lines(tmp_path):
     assert [row.south for row in rows] == pytest.approx([0.0, 6.0, 12.0, 18.0], abs=0.01)
     assert [row.length for row in rows] == pytest.approx([60.0] * 4, abs=0.01)
     assert any(
-        "4 polygons are taken for rows, 2.00 to 2.00 m wide" in one for one in imported.notes
+        "4 polygons are taken for rows, 2.00 to 2.00 m wide" in note for note in imported.notes
     )
     between = import_survey(tmp_path / "a.geojson", ImportOptions(lines="trees"))
     assert between.scenario.rows == 3
@@ -71,9 +71,9 @@ def test_what_an_outline_leaves_open_is_said(outline):
     assert [row.length for row in imported.scenario.survey.rows] == pytest.approx(
         [120.0] * 10, abs=0.05
     )
-    said = "\n".join(imported.notes)
-    assert "assumed: rows run along the longest side, 72.8 degrees clockwise from north" in said
-    assert "assumed: rows end at the outline; --headland METRES" in said
+    notes = "\n".join(imported.notes)
+    assert "assumed: rows run along the longest side, 72.8 degrees clockwise from north" in notes
+    assert "assumed: rows end at the outline; --headland METRES" in notes
 
 
 def test_an_outline_alone_is_asked_about(outline):

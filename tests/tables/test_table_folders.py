@@ -125,9 +125,9 @@ def test_a_full_disk_is_logged_once_and_told_at_the_end(tmp_path, monkeypatch, c
     tick(local, tables)
     tables.close()
     monkeypatch.undo()
-    (told,) = [record.getMessage() for record in caplog.records]
+    (line,) = [record.getMessage() for record in caplog.records]
     assert (
-        told
+        line
         == f"the tables in {tmp_path} cannot be written: No space left on device; the run goes on"
         " without them"
     )

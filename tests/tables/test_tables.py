@@ -184,11 +184,11 @@ def test_the_states_add_up_to_those_of_the_summary(whole):
 
 def test_the_events_and_the_messages_are_those_of_the_run(whole):
     folder = whole.folder
-    told = [
+    expected = [
         (row["tick"], row["what"], row["who"], row["whom"] or "", row["detail"] or "")
         for row in rows_of(folder, "events")
     ]
-    assert told == [(e.tick, e.what, e.who, e.whom, e.detail) for e in whole.events]
+    assert expected == [(e.tick, e.what, e.who, e.whom, e.detail) for e in whole.events]
     messages = rows_of(folder, "messages")
     assert sorted(row["type"] for row in messages) == sorted(whole.letters)
     assert [(row["tick"], row["sender"]) for row in messages] == sorted(
@@ -200,22 +200,22 @@ def test_the_events_and_the_messages_are_those_of_the_run(whole):
 
 def test_an_exchange_lasts_for_the_wait_and_the_drive_before(whole):
     """The wait is that of the summary, which counts from when the picker comes to its row's end."""
-    found = rows_of(whole.folder, "exchanges")
+    rows = rows_of(whole.folder, "exchanges")
     supplied = sorted(
-        (row for row in found if row["supplied"] is not None), key=lambda row: row["supplied"]
+        (row for row in rows if row["supplied"] is not None), key=lambda row: row["supplied"]
     )
     for row, wait in zip(supplied, whole.figures.waits, strict=True):
         ticks = row["supplied"] - row["full"]
         assert row["waited_seconds"] == pytest.approx(ticks * TIME_STEP)
         assert 0.0 <= wait < row["waited_seconds"]
-    first = found[0]
+    first = rows[0]
     assert first["full"] < first["left"] < first["brought"] < first["supplied"] < first["fetched"]
 
 
 def test_each_call_is_followed_from_message_to_carrier(whole):
-    found = [row for row in rows_of(whole.folder, "calls") if row["fetched"] is not None]
-    assert found
-    for row in found:
+    rows = [row for row in rows_of(whole.folder, "calls") if row["fetched"] is not None]
+    assert rows
+    for row in rows:
         assert row["called"] < row["sent"] < row["agreed"] < row["fetched"]
         assert row["asked"] >= 1
 
@@ -230,12 +230,12 @@ def test_each_column_has_its_unit_in_the_file(whole):
 def test_the_page_names_each_column():
     page = (ROOT / "docs" / "reference.md").read_text()
     for name, schema in ALL.items():
-        told = {
+        expected = {
             word
             for line in re.findall(rf"(?<=^\| column of `{name}`)(?:.*\n\|.*)+", page, re.M)
             for word in re.findall(r"`(\w+)`", line)
         }
-        assert told >= {*schema.names}, name
+        assert expected >= {*schema.names}, name
 
 
 @pytest.fixture(scope="module")

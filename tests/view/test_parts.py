@@ -55,10 +55,10 @@ def test_what_is_missing_is_read_from_the_parts(tmp_path):
     for frame in course(range(90, 150)):
         recorder.tick(replace(frame, left_out=7) if frame.tick == 120 else frame)
     recorder.close()
-    told = missing(path, 170)
-    assert told["recording_parts"] == ["run.rrd", "run.part2.rrd"]
-    assert told["recording_gaps"] == [[5.2, 9.0], [14.9, 17.0]], "the second: nothing came after"
-    assert told["messages_dropped"] == 7
+    lacking = missing(path, 170)
+    assert lacking["recording_parts"] == ["run.rrd", "run.part2.rrd"]
+    assert lacking["recording_gaps"] == [[5.2, 9.0], [14.9, 17.0]], "the second: nothing came after"
+    assert lacking["messages_dropped"] == 7
     texts = lines_of(rows_of(path))
     assert (9.0, "logger: nothing recorded from 5.2 s to 9.0 s: the logger was away") in texts
     assert any("left out 7 frames" in text for _, text in texts)

@@ -100,11 +100,11 @@ def test_every_body_has_a_shape_in_a_frame_of_its_own(layout: Layout, recording:
 
 
 def test_what_a_robot_does_is_its_state_and_pin_colour(recording: Path) -> None:
-    said = [
+    lines = [
         (t, state[0])
         for t, state in Rows(recording, "/world/pickers/picker_01").values("StateChange:state")
     ]
-    assert said[:3] == [
+    assert lines[:3] == [
         (0.0, "picking row 1"),
         (70.1, "leaving the full bin of row 1"),
         (77.0, "waiting for an empty bin"),
@@ -212,10 +212,10 @@ def test_a_trailer_leaves_and_comes_back(tmp_path: Path) -> None:
     trailers = {"count": 2, "bins": 2}
     scenario = Scenario.model_validate({"load_out": {"seconds_away": 2.0, "trailers": trailers}})
     layout = lay_out(scenario)
-    told = {0: [[0, 0, 0], [0, 0, 0]], 5: [[1, 0, 0], [0, 0, 0]], 10: [[0, 30, 2], [0, 0, 0]]}
+    expected = {0: [[0, 0, 0], [0, 0, 0]], 5: [[1, 0, 0], [0, 0, 0]], 10: [[0, 30, 2], [0, 0, 0]]}
     frames = []
     for tick in range(40):
-        array = np.array(told[tick]) if tick in told else None
+        array = np.array(expected[tick]) if tick in expected else None
         frames.append(Frame(tick, starts(layout), trailers=array))
     path = recording_of(tmp_path / "trailers.rrd", layout, frames)
     assert boxes_at(path, "trailer_1") == [(0.0, 1), (0.5, 2), (1.0, 0), (3.0, 1)]

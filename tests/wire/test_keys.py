@@ -68,12 +68,12 @@ def test_each_message_of_a_recorded_run_is_valid_by_the_contract(other, what):
 
 
 def maps_in(type_):
-    found = {}
+    maps = {}
     waiting = [type_]
     while waiting:
         part = waiting.pop()
-        if isinstance(part, inspect.StructType) and part.cls not in found:
-            found[part.cls] = part
+        if isinstance(part, inspect.StructType) and part.cls not in maps:
+            maps[part.cls] = part
             waiting += [field.type for field in part.fields]
         elif isinstance(part, inspect.NamedTupleType):
             waiting += [field.type for field in part.fields]
@@ -87,7 +87,7 @@ def maps_in(type_):
                 for name in ("type", "item_type", "value_type")
                 if hasattr(part, name)
             ]
-    return found.values()
+    return maps.values()
 
 
 @pytest.mark.parametrize("type_", EXAMPLES, ids=lambda type_: type_.__name__)

@@ -40,11 +40,13 @@ if TYPE_CHECKING:
 # Times that a picker picks its rows in the means, or a multiple: after two, each row is left at the
 # same ends again.
 ROUNDS = 2
-FULL_BINS = 10  # that it fills in them at least, if a row does not fill one
+# Bins that it fills in them at least, if a row does not fill one.
+FULL_BINS = 10
 # Of the bins of another picker, which each one fills at least: in a long run a policy must serve
 # all.
 LEAST_SHARE = 0.5
-PROOF = 0.1  # of the solver's work: at most about half a second
+# Of the solver's work: at most about half a second.
+PROOF = 0.1
 
 
 class Bounds:

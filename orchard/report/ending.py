@@ -45,7 +45,8 @@ def jam_of(engine: Engine, figures: HarvestFigures) -> list[str]:
 
 def _are_pickers_broken(engine: Engine) -> bool:
     """Whether all pickers are broken, and each was for BROKEN_TICKS."""
-    pickers = [engine.layout.names[i] for i in engine.world.fixed.pickers.tolist()]
+    fixed = engine.world.fixed
+    pickers = [engine.layout.names[i] for i in fixed.pickers.tolist()]
     for name in pickers:
         action = engine.actions.get(name)
         if action is None or action.state != "broken":

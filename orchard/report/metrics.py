@@ -38,11 +38,15 @@ class HarvestFigures:
     waits: list[float] = field(default_factory=list)
     #: Picker that has filled its bin -> tick since which it stands, or at which the bin was full.
     waiting_since: dict[str, int] = field(default_factory=dict)
-    carrier_ticks: int = 0  # of all carriers
-    busy_ticks: int = 0  # of these, outside the queue, or away at the load-out
-    charging_ticks: int = 0  # of all carriers
+    #: Of all carriers.
+    carrier_ticks: int = 0
+    #: Of these, outside the queue, or away at the load-out.
+    busy_ticks: int = 0
+    #: Of all carriers.
+    charging_ticks: int = 0
     flat_ticks: int = 0
-    bay_waiting_ticks: int = 0  # in which a full bin stood in the bay, which did not take it
+    #: In which a full bin stood in the bay, which did not take it.
+    bay_waiting_ticks: int = 0
     weeds_flattened: int = 0
     #: Agent -> tick at which it first was broken.
     broken: dict[str, int] = field(default_factory=dict)
@@ -237,7 +241,8 @@ def _distances(world: World) -> dict[str, float]:
 
 
 FIRST_STEP = 100  # ticks between two samples at first: 10 s
-MOST_SAMPLES = 400  # samples; then every second one is dropped, and the step doubles
+# As soon as there are so many samples, every second one is dropped, and the step doubles.
+MOST_SAMPLES = 400
 WAITING = [STATES.index(state) for state in WAITING_STATES]
 
 # s since the start; bins; s of all pickers together; s of all carriers together, outside the queue

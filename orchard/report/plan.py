@@ -27,7 +27,11 @@ COLOURS = {
     "charging": "#2e9e4f",
 }
 OTHER_ROAD = "#777777"
-PIXELS = 12  # for a metre
+# Pixels for a metre.
+PIXELS = 12
+# Where a robot's label begins, m east and north of a robot that stands along the rows, or across.
+BESIDE_ALONG_ROWS = (-1.2, 1.3)
+BESIDE_ACROSS_ROWS = (1.2, -0.6)
 
 
 class Drawing:
@@ -63,10 +67,11 @@ class Drawing:
         half_x: float,
         half_y: float,
         style: str,
+        *,
         title: str = "",
         yaw: float = 0.0,
     ) -> None:
-        """Draw a rectangle about its centre, m, turned by `yaw`, rad."""
+        """Draw a rectangle about its centre, m, turned by `yaw`, rad. `title`: shown on hover."""
         corner = f'x="{self.x(x - half_x)}" y="{self.y(y + half_y)}"'
         size = f'width="{round(2 * half_x * PIXELS, 2)}" height="{round(2 * half_y * PIXELS, 2)}"'
         turn = ""
@@ -119,7 +124,7 @@ def orchard_plan(layout: Layout, title: str = "") -> str:
     for start in layout.starts:
         half_x, half_y = _half_sizes(start.kind)
         paint = _paint(start.kind)
-        drawing.box(start.pose.x, start.pose.y, half_x, half_y, paint, start.name)
+        drawing.box(start.pose.x, start.pose.y, half_x, half_y, paint, title=start.name)
     return drawing.svg()
 
 
@@ -159,7 +164,7 @@ def _picked(drawing: Drawing, lane: Lane, ends: list[float], total: float) -> No
     words = f"row {lane.number}: {total:.1f} m picked"
     for begin, end in parts:
         middle = lane.west + (begin + end) / 2
-        drawing.box(middle, lane.y, (end - begin) / 2, 1.0, style, words)
+        drawing.box(middle, lane.y, (end - begin) / 2, 1.0, style, title=words)
 
 
 def _half_sizes(kind: str) -> tuple[float, float]:
@@ -182,14 +187,14 @@ def _present_body(drawing: Drawing, name: str, pose: Pose, share: float) -> None
     paint = _paint(kind)
     if kind == "bin":
         paint = f"{paint};fill-opacity:{0.15 + 0.85 * share:.2f}"
-    drawing.box(pose.x, pose.y, half_x, half_y, paint, name, pose.yaw)
+    drawing.box(pose.x, pose.y, half_x, half_y, paint, title=name, yaw=pose.yaw)
     if kind in ("picker", "carrier"):
         # The label stands beside the robot, not on its bin.
-        aside, above = 1.2, -0.6
+        place = BESIDE_ACROSS_ROWS
         if nearest_heading(pose.yaw) in ("EAST", "WEST"):
-            aside, above = -1.2, 1.3
+            place = BESIDE_ALONG_ROWS
         label = f"{kind[0].upper()}{number_of(name)}"
-        drawing.label(pose.x + aside, pose.y + above, label, 1.8)
+        drawing.label(pose.x + place[0], pose.y + place[1], label, 1.8)
 
 
 def _ground(drawing: Drawing, layout: Layout) -> None:

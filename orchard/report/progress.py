@@ -24,7 +24,8 @@ LINE_SECONDS = 2.0  # s of wall time between two plain lines
 STILL_SECONDS = 10.0
 NARROWEST = 24  # characters, the minimum width of a column
 SILENT = "no agent"  # shown for a robot that has lost its agent
-STANDS = (STOPPED, SILENT)  # shown in red
+# What a robot does that is shown in red.
+STANDS = (STOPPED, SILENT)
 
 
 @dataclass(frozen=True)
@@ -142,7 +143,9 @@ def robots(
     Bins only follow other robots: they are left out if one column is too short for all. The last
     line says how many robots have no room.
     """
-    names = [name for kind in ROBOTS for name in sorted(doing) if kind_of(name) == kind]
+    names = []
+    for kind in ROBOTS:
+        names += [name for name in sorted(doing) if kind_of(name) == kind]
     room = max(4, height - 3)
     if len(names) > room:
         names = [name for name in names if kind_of(name) != "bin"]

@@ -59,8 +59,10 @@ UNUSUAL = (
 )
 # A rate is of 'full bins' if part-full ones lack more than this share of all; else of 'bins'.
 FEW = 0.001
-LINE_COLUMNS = 80  # of a line of progress
-NAMED = 3  # broken agents that a line of progress names
+# Of a line of progress.
+LINE_COLUMNS = 80
+# How many broken agents a line of progress names.
+NAMED = 3
 # What an empty map of a key means.
 OF_NONE = {
     "lost_seconds": (
@@ -89,7 +91,8 @@ class Headline(msgspec.Struct, kw_only=True):
     carrier_utilisation: float
     # Kind of robot -> state -> s, all robots of the kind together.
     state_seconds: dict[str, dict[str, float]]
-    broken_agents: list[str] = []  # each with the tick since which it is
+    #: Each with the tick since which it is.
+    broken_agents: list[str] = []
     # Simulated s at which the harvest will be done, and within what; None: it is not known.
     done_seconds: float | None = None
     done_within_seconds: float = 0.0

@@ -163,6 +163,7 @@ class Logger:
         run: str,
         layout: Layout,
         queue: FrameQueue,
+        *,
         look: float = LOOK_SECONDS,
     ) -> None:
         """`look`: s between two looks at the bundles that have come."""
@@ -319,7 +320,7 @@ def record(
     look = LOOK_SECONDS
     if port is not None:
         look = LIVE_SECONDS
-    logger = Logger(bus, keys, run.run, layout, FrameQueue(), look)
+    logger = Logger(bus, keys, run.run, layout, FrameQueue(), look=look)
     # It listens before, so what comes while earlier parts are read is not lost.
     logger.listen()
     recorder, last = open_recording(layout, run.run, file, port)

@@ -28,9 +28,12 @@ class Plane(NamedTuple):
     """A projected coordinate system at an orchard."""
 
     crs: str
-    middle: complex  # of the orchard, in the system's unit
-    scale: float  # of the system's units in a metre on the ground
-    north: float  # the direction of north at the middle, rad from the system's east
+    #: Of the orchard, in the system's unit.
+    middle: complex
+    #: Of the system's units in a metre on the ground.
+    scale: float
+    #: The direction of north at the middle, rad from the system's east.
+    north: float
 
 
 def on_a_plane(features: Sequence[Feature], name: str) -> tuple[Plane, list[Feature]]:

@@ -20,7 +20,8 @@ from orchard.surveys.plane import Plane, middle
 
 # m, at most, from a point of a row to its straight line, and to the direction of all rows.
 STRAIGHT = 0.2
-DIGITS = 3  # of metres, in the scenario
+# Of metres, in the scenario.
+DIGITS = 3
 
 
 class SurveyedLine(NamedTuple):
@@ -35,7 +36,8 @@ class TurnedLines(NamedTuple):
     """Lines in the rows' frame: along x, from north to south."""
 
     lines: list[SurveyedLine]
-    yaw: float  # of the rows on the ground, rad from east
+    #: Of the rows on the ground, rad from east.
+    yaw: float
 
 
 def turned(lines: Sequence[SurveyedLine]) -> TurnedLines:

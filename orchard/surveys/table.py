@@ -232,4 +232,4 @@ def _row_of_points(name: str, records: Sequence[_Record]) -> Feature:
     if len(set(points.tolist())) < 2:
         numbers = listed([str(record.number) for record in records])
         fault = f"has one end, on line {numbers}; must have two"
-    return Feature(name, LINE, "row", (points,), records[0].properties, fault)
+    return Feature(name, LINE, "row", (points,), records[0].properties, fault=fault)

@@ -28,9 +28,11 @@ class CommandEntry:
     """Where a command is, and what --help says of it."""
 
     module: str
-    attribute: str  # a function with options as parameters, or a group of commands
+    #: A function with options as parameters, or a group of commands.
+    attribute: str
     summary: str
-    settings: Mapping[str, Any] = field(default_factory=dict)  # as of Typer's command
+    #: As of Typer's command.
+    settings: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def package(self) -> str:

@@ -13,7 +13,7 @@ from orchard.terminal.files import check_writable, one_file
 
 
 def read_scenario(path: Path | None) -> tuple[Scenario, list[Problem]]:
-    """Return a scenario with all that is wrong in its file: then without that."""
+    """Return the scenario of a file, without what is wrong there, and all that is wrong."""
     try:
         return load_or_shipped(path), []
     except ScenarioError as error:
@@ -25,9 +25,10 @@ def problems_of_files(chosen: StudyArguments, options: StudyOptions) -> list[Pro
     store = options.store_file
     paths = [path for path, _ in chosen.files]
     problems = [*_unwritable(chosen), *one_file([*paths, store])]
-    fault = fault_of(store, options.anew) if store.exists() else ""
-    if fault:
-        problems.append(Problem(str(store), fault))
+    if store.exists():
+        fault = fault_of(store, options.anew)
+        if fault:
+            problems.append(Problem(str(store), fault))
     return problems
 
 

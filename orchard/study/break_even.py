@@ -2,7 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
+from orchard.field.scenario.sections import Bought
 from orchard.report.costs import OF_ROBOTS
 from orchard.study.comparing import interval
 from orchard.study.result import BreakEven, Interval
@@ -25,8 +27,29 @@ class KnownSetting:
 
     def number(self, key: str) -> int:
         """Return how many robots there are. `key`: pickers or carriers."""
-        scenario = self.setting.scenario
-        return scenario.pickers if key == "pickers" else scenario.carrier_count
+        if key == "pickers":
+            return self.setting.scenario.pickers
+        return self.setting.scenario.carrier_count
+
+    def working_life(self, key: str) -> Bought:
+        """Return how long a bought robot of a kind works. `key`: pickers or carriers."""
+        prices = self.setting.scenario.prices
+        if key == "pickers":
+            return prices.picker_bought
+        return prices.carrier_bought
+
+    def paid_for_robots(self, key: str, record: RunRecord) -> float:
+        """Return what is paid for all robots of a kind, for a bin of a run."""
+        payments = self.payments(record)
+        return sum(payments.get(purpose, 0.0) for purpose in OF_ROBOTS[key])
+
+    def cost(self, record: RunRecord) -> float:
+        """Return what a bin of a run costs."""
+        return sum(self.payments(record).values())
+
+    def payments(self, record: RunRecord) -> dict[str, float]:
+        """Return what is paid for what, for a bin of a run."""
+        return self.setting.payments(record.bins_per_hour, record.counted_bins)
 
 
 def break_evens(
@@ -34,42 +57,43 @@ def break_evens(
 ) -> list[BreakEven]:
     """Return what the last robot of each kind of the best setting may cost, and one more.
 
-    They are beside settings that differ in the number of this kind only: the nearest ones.
+    The best setting is compared with those that differ in the number of this kind only, and of them
+    with the two that are nearest: one with fewer robots, one with more.
     """
-    found = []
+    prices = []
     for key in OF_ROBOTS:
-        alike = [other for other in others if _differ_only_in(key, best, other)]
-        numbers = {other.number(key): other for other in alike}
-        fewer = [number for number in numbers if number < best.number(key)]
-        more = [number for number in numbers if number > best.number(key)]
-        if fewer:
-            found.append(_break_even(key, numbers[max(fewer)], best, confidence))
-        if more:
-            found.append(_break_even(key, best, numbers[min(more)], confidence))
-    return found
+        by_number = {}
+        for other in others:
+            if _differ_only_in(key, best, other):
+                by_number[other.number(key)] = other
+        by_number[best.number(key)] = best
+        numbers = sorted(by_number)
+        place = numbers.index(best.number(key))
+        for fewer, more in pairwise(numbers[max(0, place - 1) : place + 2]):
+            prices.append(_break_even(key, by_number[fewer], by_number[more], confidence))
+    return prices
 
 
-def _differ_only_in(key: str, one: KnownSetting, other: KnownSetting) -> bool:
+def _differ_only_in(key: str, best: KnownSetting, other: KnownSetting) -> bool:
     """Whether two settings differ in one key."""
-    values = one.setting.values
+    values = best.setting.values
     others = other.setting.values
     return [name for name in values if values[name] != others[name]] == [key]
 
 
 def _break_even(key: str, less: KnownSetting, more: KnownSetting, confidence: float) -> BreakEven:
-    """Return what the robots may cost that one setting has more than the other."""
-    pairs = zip(less.records, more.records, strict=False)
+    """Return what a robot may cost of those that one setting has more than the other.
+
+    `less`, `more`: the settings with fewer and with more robots of a kind.
+    """
     added = more.number(key) - less.number(key)
     prices = []
-    for before, after in pairs:
-        saved = _cost(less, before) - _cost(more, after)
-        own = sum(_payments(more, after).get(what, 0.0) for what in OF_ROBOTS[key])
-        # Of a bin; as many are filled in an hour as the rate says.
-        own_of_added = own * added / more.number(key)
-        prices.append((own_of_added + saved) * after.bins_per_hour / added)
+    for before, after in zip(less.records, more.records, strict=False):
+        saved_per_bin = less.cost(before) - more.cost(after)
+        paid_per_bin = more.paid_for_robots(key, after) * added / more.number(key)
+        prices.append((paid_per_bin + saved_per_bin) * after.bins_per_hour / added)
     per_hour = interval(prices, confidence)
-    of_all = more.setting.scenario.prices
-    bought = of_all.picker_bought if key == "pickers" else of_all.carrier_bought
+    bought = more.working_life(key)
     return BreakEven(
         key=key,
         number=more.number(key),
@@ -90,26 +114,18 @@ def _times(per_hour: Interval, hours: float | None) -> Interval | None:
     )
 
 
-def _cost(known: KnownSetting, record: RunRecord) -> float:
-    return sum(_payments(known, record).values())
-
-
-def _payments(known: KnownSetting, record: RunRecord) -> dict[str, float]:
-    return known.setting.payments(record.bins_per_hour, record.counted_bins)
-
-
-def break_even_words(found: BreakEven) -> str:
+def break_even_words(break_even: BreakEven) -> str:
     """Return what a robot may cost: 'carrier number 3 pays up to 41 ± 2 an hour'."""
-    kind = KINDS[found.key]
-    which = f"{kind} number {found.number}"
-    if found.number - found.fewer > 1:
-        which = f"each {kind} from number {found.fewer + 1} to {found.number}"
-    if found.per_hour.mean < LEAST_PRICE:
-        return f"{which} does not pay, even if it costs nothing"
-    words = f"{which} pays if it costs up to {interval_words(found.per_hour)} an hour"
-    if found.price is None or found.years is None or found.hours_per_year is None:
+    kind = KINDS[break_even.key]
+    robots = f"{kind} number {break_even.number}"
+    if break_even.number - break_even.fewer > 1:
+        robots = f"each {kind} from number {break_even.fewer + 1} to {break_even.number}"
+    if break_even.per_hour.mean < LEAST_PRICE:
+        return f"{robots} does not pay, even if it costs nothing"
+    words = f"{robots} pays if it costs up to {interval_words(break_even.per_hour)} an hour"
+    if break_even.price is None or break_even.years is None or break_even.hours_per_year is None:
         return words
     return (
-        f"{words}; one that is bought is worth {interval_words(found.price)}, with"
-        f" {found.years:g} years of {number_words(found.hours_per_year)} hours"
+        f"{words}; one that is bought is worth {interval_words(break_even.price)}, with"
+        f" {break_even.years:g} years of {number_words(break_even.hours_per_year)} hours"
     )

@@ -11,7 +11,7 @@ from orchard.field.scenario import Scenario
 from orchard.plans.routes import route_of
 from orchard.study.options import StudyOptions
 from orchard.study.result import Models
-from orchard.study.settings import Setting, numbered, settings_of
+from orchard.study.settings import Setting, have_prices, numbered, settings_of
 
 _NO_PRICES = "needs a price: picker_per_hour, carrier_per_hour, overhead_per_hour or per_bin"
 _FREE = (
@@ -48,7 +48,7 @@ def _option_problems(settings: Sequence[Setting], options: StudyOptions) -> list
     """Return what is wrong with the options of a study of these settings."""
     problems = []
     is_long = options.horizon == "long"
-    if options.goal == "cost_per_bin" and not all(setting.has_prices for setting in settings):
+    if options.goal == "cost_per_bin" and not have_prices(settings):
         problems.append(Problem("--goal cost_per_bin", _NO_PRICES, "prices"))
     if options.goal == "harvest_seconds" and is_long:
         problems.append(Problem("--goal harvest_seconds", _NO_END))
@@ -74,8 +74,7 @@ def _option_problems(settings: Sequence[Setting], options: StudyOptions) -> list
 def _price_problems(settings: Sequence[Setting], options: StudyOptions) -> list[Problem]:
     """Return that pickers vary without a price, if costs are what a study asks for."""
     numbers = {setting.scenario.pickers for setting in settings}
-    has_prices = all(setting.has_prices for setting in settings)
-    is_of_costs = has_prices and options.goal in (None, "cost_per_bin")
+    is_of_costs = options.goal in (None, "cost_per_bin") and have_prices(settings)
     if not is_of_costs or len(numbers) == 1:
         return []
     return free_robots(settings, "pickers")
@@ -88,7 +87,9 @@ def free_robots(settings: Sequence[Setting], key: str) -> list[Problem]:
     """
     for setting in settings:
         prices = setting.scenario.prices
-        is_paid = prices.are_of_pickers if key == "pickers" else prices.are_of_carriers
+        is_paid = prices.are_of_carriers
+        if key == "pickers":
+            is_paid = prices.are_of_pickers
         if prices.are_set and not is_paid:
             text = _FREE.format(key=key, price=_PRICES[key])
             return [Problem(f"--vary {key}", text, "prices")]

@@ -3,7 +3,7 @@ all that is wrong with them at once.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, get_args
@@ -21,25 +21,37 @@ from orchard.terminal.files import KindOfFile
 from orchard.terminal.options import File, Style, flag, number, option, picture_file, whole
 from orchard.terminal.typed import named
 
-LEAST_CONFIDENCE, MOST_CONFIDENCE = 0.5, 0.9999
+LEAST_CONFIDENCE = 0.5
+MOST_CONFIDENCE = 0.9999
+# Unit of a time -> s.
 BUDGET_UNITS = {"min": 60.0, "h": 3600.0, "s": 1.0}
+DEADLINE_UNITS = {"min": 60.0, "h": 3600.0}
 LEAST_BUDGET = 1.0  # s
 MOST_WORKERS = 1000
-QUESTION, RUNS, FILES = "The question", "The runs", "What it shows and writes"
+# Headings of the help text.
+QUESTION = "The question"
+RUNS = "The runs"
+FILES = "What it shows and writes"
 
 # -- parsers; all of them raise BadParameter
 
 
 def _share(text: str) -> float:
-    share = number(text[:-1]) / 100.0 if text.endswith("%") else number(text)
+    if text.endswith("%"):
+        share = number(text[:-1]) / 100.0
+    else:
+        share = number(text)
     if not 0.0 < share < 1.0:
         raise BadParameter(f"{text}: expected a share above 0 and below 1, such as 0.01 or 1%")
     return share
 
 
 def _scheduler(text: str) -> str:
+    address = text
+    if "://" not in text:
+        address = f"tcp://{text}"
     try:
-        url = urlsplit(text if "://" in text else f"tcp://{text}")
+        url = urlsplit(address)
         is_right = bool(url.scheme and url.hostname and url.port)
     except ValueError:
         is_right = False
@@ -61,7 +73,7 @@ def _confidence(text: str) -> float:
 
 
 def _budget(text: str) -> float:
-    unit = next((unit for unit in BUDGET_UNITS if text.endswith(unit)), "")
+    unit = _unit_of(text, BUDGET_UNITS)
     seconds = number(text.removesuffix(unit)) * BUDGET_UNITS.get(unit, 1.0)
     if not LEAST_BUDGET <= seconds < math.inf:
         raise BadParameter(
@@ -71,12 +83,21 @@ def _budget(text: str) -> float:
 
 
 def _within_time(text: str) -> float:
-    units = {"min": 60.0, "h": 3600.0}
-    unit = next((unit for unit in units if text.endswith(unit)), "")
-    seconds = number(text.removesuffix(unit)) * units.get(unit, 1.0) if unit else math.nan
+    unit = _unit_of(text, DEADLINE_UNITS)
+    seconds = math.nan
+    if unit:
+        seconds = number(text.removesuffix(unit)) * DEADLINE_UNITS[unit]
     if not LEAST_DEADLINE <= seconds <= MOST_DEADLINE:
         raise BadParameter(f"{text}: expected 1min to 10000h of work, such as 8h or 90min")
     return seconds
+
+
+def _unit_of(text: str, units: Iterable[str]) -> str:
+    """Return the unit with which a text ends, the first one of several; '' if there is none."""
+    for unit in units:
+        if text.endswith(unit):
+            return unit
+    return ""
 
 
 def _by_day(text: str) -> int:
@@ -118,7 +139,8 @@ def _checked(parse: Callable[[str], Any]) -> Callable[[str], Any]:
     return parsed
 
 
-def _choice(panel: str, what: str, words: Any, default: str | None) -> Any:
+def _choice(panel: str, help_text: str, words: Any, default: str | None) -> Any:
+    """Return an option whose value is one of some words. `words`: a Literal of them."""
     known = get_args(words)
 
     def parse(text: str) -> str:
@@ -126,7 +148,7 @@ def _choice(panel: str, what: str, words: Any, default: str | None) -> Any:
             raise BadParameter(f"{text}: expected {', '.join(known[:-1])} or {known[-1]}")
         return text
 
-    return option(panel, what, "|".join(known), default=default, parser=_checked(parse))
+    return option(panel, help_text, "|".join(known), default=default, parser=_checked(parse))
 
 
 MODELS = (
@@ -190,11 +212,11 @@ class StudyArguments:
     @property
     def deadline(self) -> Deadline | None:
         """The deadline; None if there is none. One that is wrong is no deadline."""
-        within = self.finish_within
-        days = self.finish_by
-        if isinstance(within, float):
-            return Deadline(within_seconds=within)
-        return Deadline(days=days) if isinstance(days, int) else None
+        if isinstance(self.finish_within, float):
+            return Deadline(within_seconds=self.finish_within)
+        if isinstance(self.finish_by, int):
+            return Deadline(days=self.finish_by)
+        return None
 
     @property
     def files(self) -> list[tuple[Path, KindOfFile]]:
@@ -212,22 +234,21 @@ class StudyArguments:
 
         The value of an option that is wrong means nothing.
         """
-        found = [
-            replace(value, file=named([name]))
-            for name, value in vars(self).items()
-            if isinstance(value, Problem)
-        ]
+        problems = []
+        for name, value in vars(self).items():
+            if isinstance(value, Problem):
+                problems.append(replace(value, file=named([name])))
         if self.finish_within is not None and self.finish_by is not None:
-            found.append(Problem("--finish-by", "one deadline is enough; leave out the other one"))
+            text = "one deadline is enough; leave out the other one"
+            problems.append(Problem("--finish-by", text))
         has_deadline = self.finish_within is not None or self.finish_by is not None
         if has_deadline and self.horizon == "long":
             text = "a deadline is that of one harvest; leave out --horizon"
-            found.append(Problem("--horizon long", text))
+            problems.append(Problem("--horizon long", text))
         if self.scheduler and self.workers:
-            found.append(
-                Problem("--workers", "the scheduler has its own workers; leave out --workers")
-            )
-        return found
+            text = "the scheduler has its own workers; leave out --workers"
+            problems.append(Problem("--workers", text))
+        return problems
 
 
 Policy = Annotated[

@@ -15,9 +15,12 @@ No run exceeds the limit, so more runs could tell nothing else.
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy import special  # not stats, which takes a second to load
+
+# `scipy.stats` takes a second to load.
+from scipy import special
 
 from orchard.study.result import Interval, Standing
 
@@ -30,7 +33,8 @@ def interval(values: Sequence[float], confidence: float) -> Interval:
 
     Of one value, or if all are the same, low and high are the mean.
     """
-    count, mean = len(values), float(np.mean(values))
+    count = len(values)
+    mean = float(np.mean(values))
     if count < 2 or np.ptp(values) == 0.0:
         return Interval(mean=mean, low=mean, high=mean)
     half = _half(float(np.std(values, ddof=1)), count, 1.0 - confidence)
@@ -38,7 +42,7 @@ def interval(values: Sequence[float], confidence: float) -> Interval:
 
 
 def _half(deviation: float, count: int, error: float) -> float:
-    """Half the width of a t interval."""
+    """Return half the width of a t interval."""
     return float(special.stdtrit(count - 1, 1.0 - error / 2.0)) * deviation / math.sqrt(count)
 
 
@@ -46,77 +50,95 @@ def _half(deviation: float, count: int, error: float) -> float:
 class Comparison:
     """Settings beside the one with the best mean, all on the same seeds."""
 
-    count: int  # of replications of each setting
-    within: float  # a lead below this share is worth nothing
+    #: Of replications of each setting.
+    count: int
+    #: A lead below this share is worth nothing.
+    within: float
     confidence: float
-    error: float  # the chance that one of the intervals does not hold the truth, of each
-    robots: Mapping[int, int]  # of each setting: as few as possible
-    ahead: Mapping[int, float]  # the lead of the best mean, as a share of the setting's own mean
-    leads: Mapping[int, Interval | None]  # with its interval; None: the runs do not tell
-    top: int  # the setting with the best mean
-    #: Those with a limit that is behind the best mean by what is worth it.
+    #: The chance of each interval not to hold the truth.
+    error: float
+    #: Of each setting; as few as possible are wanted.
+    robots: Mapping[int, int]
+    #: By setting, the lead of the best mean, as a share of the setting's own mean.
+    ahead: Mapping[int, float]
+    #: The same with its interval; None: the runs do not tell.
+    leads: Mapping[int, Interval | None]
+    #: The setting with the best mean.
+    top: int
+    #: Settings that cannot be the best: even their limit is behind the best mean by `within`.
     limited: Collection[int] = ()
 
-    @property
+    @cached_property
     def best(self) -> int:
         """The answer: of those that are as good as the best mean, one with the fewest robots."""
-        return min(
-            (i for i, lead in self.ahead.items() if lead < self.within and i not in self.limited),
-            key=lambda i: (self.robots[i], self.ahead[i]),
-        )
+        near = []
+        for i, lead in self.ahead.items():
+            if lead < self.within and i not in self.limited:
+                near.append(i)
+        return min(near, key=self._robots_and_lead)
+
+    def _robots_and_lead(self, i: int) -> tuple[int, float]:
+        """Return how many robots a setting has, and how far it is behind the best mean."""
+        return self.robots[i], self.ahead[i]
 
     @property
     def runner_up(self) -> list[int]:
         """The setting that is next to the answer, if there is one."""
-        return sorted(
-            self.ahead.keys() - {self.best},
-            key=lambda i: (abs(self.ahead[i] - self.ahead[self.best]), i),
-        )[:1]
+        others = sorted(self.ahead.keys() - {self.best})
+        others.sort(key=self._distance)
+        return others[:1]
+
+    def _distance(self, i: int) -> float:
+        """Return by how much the lead over a setting differs from that over the answer."""
+        return abs(self.ahead[i] - self.ahead[self.best])
 
     def standing(self, i: int) -> Standing:
-        # Of the best mean itself nothing is certain while one run is all that there is.
-        lead = self.leads[self.best if i == self.top else i]
+        """Return how a setting stands beside the best mean."""
         if i in self.limited:
             return "worse"
+        if i == self.top:
+            # Of the best mean itself nothing is certain while one run is all that there is.
+            has_lead = self.leads[self.best] is not None
+            return "equal" if has_lead else "unknown"
+        lead = self.leads[i]
         if lead is None:
             return "unknown"
-        if i == self.top:
-            return "equal"
         if -self.within < lead.low and lead.high < self.within:
             return "equal"
-        return "worse" if lead.low >= self.within else "unknown"
+        if lead.low >= self.within:
+            return "worse"
+        return "unknown"
 
     @property
     def undecided(self) -> list[int]:
         """The settings that more runs may show to be the answer, the likeliest first."""
-        unknown = [
-            i
-            for i, lead in self.leads.items()
-            if self.standing(i) == "unknown" and (lead is None or self._is_open(i, lead))
-        ]
-        return sorted(unknown, key=lambda i: self.ahead[i])
+        undecided = []
+        for i, lead in self.leads.items():
+            is_open = lead is None or self._is_open(i, lead)
+            if is_open and self.standing(i) == "unknown":
+                undecided.append(i)
+        return sorted(undecided, key=lambda i: self.ahead[i])
 
     def _is_open(self, i: int, lead: Interval) -> bool:
+        """Whether a setting may still be the answer, and more runs would tell."""
         may_be_best = self.robots[i] <= self.robots[self.best] or lead.low <= -self.within
         return may_be_best and not self._decides(lead, self.count)
 
     def replications_needed(self) -> int | None:
-        """Return the look at which what is undecided will be decided, if the runs so far tell;
-        None: later than the last one.
+        """Return the look at which what is undecided will be decided, if the runs so far tell.
+
+        None: it is later than the last one.
         """
-        looks = [look for look in LOOKS if look > self.count]
-        return next(
-            (
-                look
-                for look in looks
-                if all(self._decides(self.leads[i], look) for i in self.undecided)
-            ),
-            None,
-        )
+        leads = [self.leads[i] for i in self.undecided]
+        for look in LOOKS:
+            if look > self.count and all(self._decides(lead, look) for lead in leads):
+                return look
+        return None
 
     def _decides(self, lead: Interval | None, look: int) -> bool:
-        """Whether so many replications tell a lead from what is worth it, or each alone knows it to
-        half of that.
+        """Whether so many replications tell whether a lead is worth something.
+
+        They do too if they know it to half of `within`, as one interval alone.
         """
         if lead is None:
             return True
@@ -151,22 +173,21 @@ def compare(
     leads: dict[int, Interval | None] = {}
     ahead: dict[int, float] = {}
     for i, values in samples.items():
-        differences = (
-            sign * np.subtract(samples[top], values) / (abs(float(np.mean(values))) or 1.0)
-        )  # 0: costs, without prices
-        is_sure = i == top or {i, top} <= set(without_chance) or 2.0 ** (1 - len(values)) <= error
+        # The mean is 0 of costs without prices.
+        size = abs(float(np.mean(values))) or 1.0
+        differences = sign * np.subtract(samples[top], values) / size
+        have_no_chance = {i, top} <= set(without_chance)
+        are_enough = 2.0 ** (1 - len(values)) <= error
+        is_sure = i == top or have_no_chance or are_enough
         ahead[i] = float(np.mean(differences))
-        leads[i] = (
-            interval(differences.tolist(), 1.0 - error)
-            if is_sure or np.ptp(differences) > 0.0
-            else None
-        )
+        leads[i] = None
+        if is_sure or np.ptp(differences) > 0.0:
+            leads[i] = interval(differences.tolist(), 1.0 - error)
     best_mean = float(np.mean(samples[top]))
-    limited = [
-        i
-        for i, limit in (limits or {}).items()
-        if i != top and sign * (best_mean - limit) >= within * abs(limit)
-    ]
+    limited = []
+    for i, limit in (limits or {}).items():
+        if i != top and sign * (best_mean - limit) >= within * abs(limit):
+            limited.append(i)
     return Comparison(
         count=len(samples[top]),
         within=within,

@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from typing import Any
 
 from scipy import special
@@ -23,7 +24,14 @@ from orchard.study.farm_file import Farm, FarmBlock
 from orchard.study.options import StudyOptions
 from orchard.study.result import Interval, Row, Standing, StudyResult
 from orchard.study.runs import software
-from orchard.study.settings import CARRIERS, is_open, most_carriers, numbered
+from orchard.study.settings import (
+    CARRIERS,
+    Setting,
+    as_lists,
+    is_open,
+    most_carriers,
+    numbered,
+)
 from orchard.study.study import study
 
 
@@ -43,6 +51,13 @@ class FarmRow:
     replications: dict[str, int]
     standing: Standing
 
+    @property
+    def mean_seconds(self) -> float:
+        """The time of the farm, s, by the mean; infinity if a run jammed."""
+        if self.seconds is None:
+            return math.inf
+        return self.seconds.mean
+
 
 @dataclass(frozen=True, kw_only=True)
 class FarmResult:
@@ -52,7 +67,8 @@ class FarmResult:
     #: Of the settings that are as good as the shortest, that with the fewest robots.
     best: dict[str, Any] | None
     table: list[FarmRow]
-    blocks: dict[str, str]  # name -> file
+    #: Name -> file.
+    blocks: dict[str, str]
     transfer_minutes: float
     confidence: float
     within: float
@@ -64,7 +80,15 @@ class FarmResult:
 
     @property
     def best_row(self) -> FarmRow | None:
-        return next((row for row in self.table if row.setting == self.best), None)
+        """The row of the answer; None if there is no answer."""
+        for row in self.table:
+            if row.setting == self.best:
+                return row
+        return None
+
+    def settings_that_are(self, standing: Standing) -> list[dict[str, Any]]:
+        """Return the settings that stand so beside the best one."""
+        return [row.setting for row in self.table if row.standing == standing]
 
 
 def farm_study(
@@ -84,7 +108,7 @@ def farm_study(
     """
     begun = time.time()
     options = _options_of_harvests(options, len(farm.blocks))
-    known = farm_settings(farm, varied)
+    known = with_numbers_of_carriers(farm, varied)
     problems = farm_problems(farm, known, options)
     if problems:
         raise ScenarioError(problems)
@@ -113,17 +137,22 @@ def _options_of_harvests(options: StudyOptions, blocks: int) -> StudyOptions:
     )
 
 
-def farm_settings(farm: Farm, varied: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
-    """Return what varies, with the numbers of carriers if the user gives none: those about the
-    numbers that keep the pickers of any block busy.
+def with_numbers_of_carriers(
+    farm: Farm, varied: Mapping[str, Sequence[Any]]
+) -> dict[str, list[Any]]:
+    """Return what varies, with numbers of carriers if the user gives none.
+
+    They are about the numbers that keep the pickers of any block busy.
     """
-    known = {key: list(values) for key, values in varied.items()}
-    if is_open(varied):
-        numbers = set[int]()
-        for block in farm.blocks:
-            numbers.update(numbered(block.scenario, varied)[CARRIERS])
-        most = min(most_carriers(block.scenario) for block in farm.blocks)
-        known[CARRIERS] = sorted(number for number in numbers if number <= most) or [most]
+    known = as_lists(varied)
+    if not is_open(varied):
+        return known
+    numbers = set[int]()
+    for block in farm.blocks:
+        numbers.update(numbered(block.scenario, varied)[CARRIERS])
+    most = min(most_carriers(block.scenario) for block in farm.blocks)
+    possible = [number for number in sorted(numbers) if number <= most]
+    known[CARRIERS] = possible or [most]
     return known
 
 
@@ -183,21 +212,25 @@ def _result(
     rows = []
     missing = []
     for setting in _settings_in_order(results):
-        of_blocks = [_row_of(result, setting) for result in results]
-        known = [row for row in of_blocks if row is not None]
-        if len(known) < len(of_blocks):
+        of_blocks = _rows_of(setting, results)
+        if len(of_blocks) < len(results):
             missing.append(setting)
-            continue
-        rows.append(_farm_row(farm, setting, known, options.confidence))
+        else:
+            rows.append(_farm_row(farm, setting, of_blocks, options.confidence))
     best = _best(farm, rows, options.within)
-    rows = [replace(row, standing=_standing(row, best, rows, options.within)) for row in rows]
+    best_setting = None
+    if best is not None:
+        best_setting = best.setting
+    table = []
+    for row in rows:
+        table.append(replace(row, standing=_standing(row, best, rows, options.within)))
     violations = set[str]()
     for result in results:
         violations.update(result.violations)
     return FarmResult(
         answer="",
-        best=None if best is None else best.setting,
-        table=rows,
+        best=best_setting,
+        table=table,
         blocks={block.name: block.file for block in farm.blocks},
         transfer_minutes=farm.transfer_seconds / 60.0,
         confidence=options.confidence,
@@ -214,7 +247,7 @@ def _settings_in_order(results: Sequence[StudyResult]) -> list[dict[str, Any]]:
     """Return the settings of which a block has a run or should have one, as the table has them."""
     settings: list[dict[str, Any]] = []
     for result in results:
-        for setting in [*(row.setting for row in result.table), *result.not_run]:
+        for setting in result.settings_asked:
             if setting not in settings:
                 settings.append(setting)
     varied = results[0].varied
@@ -225,9 +258,14 @@ def _settings_in_order(results: Sequence[StudyResult]) -> list[dict[str, Any]]:
     return sorted(settings, key=place)
 
 
-def _row_of(result: StudyResult, setting: dict[str, Any]) -> Row | None:
-    """Return what the study of a block says of a setting; None if it has no run of it."""
-    return next((row for row in result.table if row.setting == setting), None)
+def _rows_of(setting: dict[str, Any], results: Sequence[StudyResult]) -> list[Row]:
+    """Return what the studies of the blocks say of a setting, of those that have a run of it."""
+    rows = []
+    for result in results:
+        row = result.row_of(setting)
+        if row is not None:
+            rows.append(row)
+    return rows
 
 
 def _farm_row(
@@ -278,16 +316,14 @@ def _best(farm: Farm, rows: Sequence[FarmRow], within: float) -> FarmRow | None:
     """Return the answer: of the settings that are as short as the shortest mean but for what is
     worth nothing, one with the fewest robots. None: all jam.
     """
-    timed = [(row.seconds.mean, row) for row in rows if row.seconds is not None]
-    if not timed:
+    shortest = min((row.mean_seconds for row in rows), default=math.inf)
+    if shortest == math.inf:
         return None
-    shortest = min(seconds for seconds, _ in timed)
-    near = [row for seconds, row in timed if seconds < (1.0 + within) * shortest]
+    near = [row for row in rows if row.mean_seconds < (1.0 + within) * shortest]
 
     def rank(row: FarmRow) -> tuple[int, float]:
-        scenario = _with(farm.blocks[0], row.setting)
-        mean = row.seconds.mean if row.seconds is not None else math.inf
-        return scenario.pickers + scenario.carrier_count, mean
+        setting = Setting(row.setting, _with(farm.blocks[0], row.setting))
+        return setting.robots, row.mean_seconds
 
     return min(near, key=rank)
 
@@ -299,18 +335,21 @@ def _standing(
 
     The interval of the difference is that of two independent sums: on common seeds it is shorter.
     """
+    if row is best and len(rows) == 1:
+        return "alone"
     if row is best:
-        return "best" if len(rows) > 1 else "alone"
-    timed = [other.seconds for other in rows if other.seconds is not None]
-    if row.seconds is None or not timed:
+        return "best"
+    shortest = min(rows, key=attrgetter("mean_seconds")).seconds
+    if row.seconds is None or shortest is None:
         return "jammed"
-    shortest = min(timed, key=lambda seconds: seconds.mean)
     behind = row.seconds.mean - shortest.mean
     half = math.hypot(row.seconds.high - row.seconds.mean, shortest.high - shortest.mean)
     worth = within * shortest.mean
     if behind + half < worth:
         return "equal"
-    return "worse" if behind - half >= worth else "unknown"
+    if behind - half >= worth:
+        return "worse"
+    return "unknown"
 
 
 def _notes(

@@ -18,8 +18,8 @@ from orchard.study.farm_file import Farm, read_farm
 from orchard.study.options import StudyOptions
 from orchard.study.result import StudyResult
 from orchard.study.settings import CARRIERS, Varied, varied_of
-from orchard.study.table import MARKS
-from orchard.study.words import interval_words, key_words, setting_words, value_words
+from orchard.study.table import MARKS, STYLES
+from orchard.study.words import counted, interval_words, key_words, setting_words, value_words
 from orchard.terminal.exits import FAILED, FINISHED
 from orchard.terminal.output import bar, console, print_error, print_line
 
@@ -80,7 +80,10 @@ def run_farm(
         print_error(violation)
     if not result.table:
         print_error("the budget is too short for one run in each block: --budget")
-    return FINISHED if result.table and not result.violations else FAILED
+        return FAILED
+    if result.violations:
+        return FAILED
+    return FINISHED
 
 
 @contextmanager
@@ -114,20 +117,17 @@ def answer(result: FarmResult) -> str:
     if best is None:
         return f"Each setting jams in one of the {count} blocks."
     names = ", ".join(result.blocks)
-    transfers = count - 1
-    moves = "transfer" if transfers == 1 else "transfers"
     words = (
         f"{setting_words(best.setting)}: {_hours(best)} h for {count} blocks ({names}) with"
-        f" {transfers} {moves} of {result.transfer_minutes:g} min,"
+        f" {counted('transfers', count - 1)} of {result.transfer_minutes:g} min,"
         f" {interval_words(best.bins_per_hour)} bins an hour"
     )
-    equal = [row.setting for row in result.table if row.standing == "equal"]
-    unknown = [row.setting for row in result.table if row.standing == "unknown"]
     within = f"{100.0 * result.within:g} %"
+    unknown = result.settings_that_are("unknown")
     if unknown:
-        others = "; ".join(setting_words(setting) for setting in unknown)
+        others = "; ".join(map(setting_words, unknown))
         words += f"; more runs may tell whether within {within} of the shortest are: {others}"
-    elif equal and best.setting.keys() == {CARRIERS}:
+    elif result.settings_that_are("equal") and best.setting.keys() == {CARRIERS}:
         words += f"; more carriers gain less than {within}"
     return f"{words}."
 
@@ -166,5 +166,5 @@ def as_table(result: FarmResult) -> Table:
         for seconds in (*row.blocks.values(), row.seconds):
             cells.append(interval_words(seconds, sign=" ±") or "jammed")
         cells.append(interval_words(row.bins_per_hour, sign=" ±") or "-")
-        table.add_row(*map(escape, cells), style="bold" if row.standing == "best" else "")
+        table.add_row(*map(escape, cells), style=STYLES.get(row.standing, ""))
     return table

@@ -81,9 +81,14 @@ class _Reader:
         self._varied = varied
         self._source = key_text(str(path))
         values, lines, repeated = values_of(read(path, self._source), self._source)
-        self._values: dict[str, Any] = values if isinstance(values, dict) else {}
+        self._values: dict[str, Any] = {}
+        if isinstance(values, dict):
+            self._values = values
         self._lines: Lines = lines
         self._problems: list[Problem] = list(repeated)
+        # File, and name, of each block -> its entry in the list, as "blocks.0".
+        self._entry_of_file: dict[Path, str] = {}
+        self._entry_of_name: dict[str, str] = {}
 
     def farm(self) -> Farm:
         """Return the farm. Raises ScenarioError."""
@@ -119,39 +124,55 @@ class _Reader:
 
     def _blocks(self) -> list[FarmBlock]:
         """Return the blocks that can be used."""
-        listed = self._values.get(BLOCKS)
-        if not isinstance(listed, list) or not 2 <= len(listed) <= MOST_BLOCKS:
-            text = (
-                f"must be a list of 2 to {MOST_BLOCKS} blocks, {EXAMPLE}; study one block by its"
-                " own file: orchard study top.yaml"
-            )
-            count = f"{len(listed)} blocks" if isinstance(listed, list) else show(listed)
-            self._add(text, (BLOCKS,), count)
-            return []
-        blocks: list[FarmBlock] = []
-        places: dict[Path, str] = {}
-        names: dict[str, str] = {}
-        for number, entry in enumerate(listed):
-            at = (BLOCKS, str(number))
-            file = self._file(entry, at)
-            if file is None:
-                continue
-            place = real(self._path.parent / file)
-            if place in places:
-                text = f"is listed twice, also as {places[place]}; a block is harvested once"
-                self._add(text, (*at, "file"), printable(file))
-                continue
-            places[place] = ".".join(at)
-            name = str(entry.get("name", Path(file).stem))
-            if name in names:
-                text = f"the name of two blocks, also of {names[name]}; each needs its own `name`"
-                self._add(text, at, printable(name))
-                continue
-            names[name] = ".".join(at)
-            scenario = self._scenario(place, file, number, at)
-            if scenario is not None:
-                blocks.append(FarmBlock(printable(name, 40), file, scenario))
+        blocks = []
+        for number, entry in enumerate(self._listed()):
+            block = self._block(number, entry)
+            if block is not None:
+                blocks.append(block)
         return blocks
+
+    def _listed(self) -> list[Any]:
+        """Return the entries of the list of blocks; none if that is no list of so many."""
+        listed = self._values.get(BLOCKS)
+        if isinstance(listed, list) and 2 <= len(listed) <= MOST_BLOCKS:
+            return listed
+        text = (
+            f"must be a list of 2 to {MOST_BLOCKS} blocks, {EXAMPLE}; study one block by its own"
+            " file: orchard study top.yaml"
+        )
+        shown = show(listed)
+        if isinstance(listed, list):
+            shown = f"{len(listed)} blocks"
+        self._add(text, (BLOCKS,), shown)
+        return []
+
+    def _block(self, number: int, entry: Any) -> FarmBlock | None:
+        """Return the block of an entry of the list; None if it cannot be used.
+
+        `number`: of the entry, from 0.
+        """
+        at = (BLOCKS, str(number))
+        file = self._file(entry, at)
+        if file is None:
+            return None
+        place = real(self._path.parent / file)
+        if place in self._entry_of_file:
+            same = self._entry_of_file[place]
+            text = f"is listed twice, also as {same}; a block is harvested once"
+            self._add(text, (*at, "file"), printable(file))
+            return None
+        self._entry_of_file[place] = ".".join(at)
+        name = str(entry.get("name", Path(file).stem))
+        if name in self._entry_of_name:
+            same = self._entry_of_name[name]
+            text = f"the name of two blocks, also of {same}; each needs its own `name`"
+            self._add(text, at, printable(name))
+            return None
+        self._entry_of_name[name] = ".".join(at)
+        scenario = self._scenario(place, file, number, at)
+        if scenario is None:
+            return None
+        return FarmBlock(printable(name, 40), file, scenario)
 
     def _file(self, entry: Any, at: tuple[str, ...]) -> str | None:
         """Return the file of a block; None if it has none, or something else is wrong."""
@@ -166,7 +187,9 @@ class _Reader:
         if not isinstance(name, str) or not name.isprintable() or not name:
             self._add("must be a text", (*at, "name"), show(name))
             return None
-        return None if unknown else str(entry["file"])
+        if unknown:
+            return None
+        return str(entry["file"])
 
     def _scenario(
         self, place: Path, file: str, number: int, at: tuple[str, ...]

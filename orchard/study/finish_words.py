@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from scipy import special
 
 from orchard.report.days import WorkDays
+from orchard.report.summary import bottleneck_words
 from orchard.study.deadline import Deadline, Trial, hours_words
 from orchard.study.fleets import Fleet
 from orchard.study.result import Interval, Row, StudyResult
@@ -23,12 +24,11 @@ REMEDIES = {
 
 def too_early(fastest: Fleet, deadline: Deadline) -> str:
     """Return why no fleet meets a deadline, and what would."""
-    part = fastest.part if fastest.part == "unloading" else f"the {fastest.part}"
     needed = hours_words(fastest.limit_seconds)
     return (
         f"no fleet finishes {deadline.words}: without traffic even {_fleet_words(fastest)} need"
-        f" {needed}, because {part} would allow no more; a deadline after that would do, or"
-        f" {REMEDIES[fastest.part]}"
+        f" {needed}, because {bottleneck_words(fastest.part)} would allow no more; a deadline after"
+        f" that would do, or {REMEDIES[fastest.part]}"
     )
 
 
@@ -42,11 +42,14 @@ def finish_answer(
     if not result.table:
         return "No setting has been run yet."
     best = result.best_row
-    words = _none_in_time(result, trial) if best is None else _best_words(best, result, days)
+    if best is None:
+        words = _none_in_time(result, trial)
+        is_sure = False
+    else:
+        words = _best_words(best, result, days)
+        is_sure = best.replications >= trial.replications
     parts = [words, *_smaller_words(result, smaller)]
-    is_cut = result.stopped_by in ("budget", "stopped")
-    sure = best is not None and best.replications >= trial.replications
-    if is_cut and not sure:
+    if result.is_cut and not is_sure:
         parts.append("not all runs are done, so this is the answer so far")
     return f"{'; '.join(parts)}. The orchard: {result.orchard}."
 
@@ -104,11 +107,11 @@ def _smaller_words(result: StudyResult, smaller: Sequence[Fleet]) -> list[str]:
     """Return what fleets with fewer robots of one kind need."""
     words = []
     for fleet in smaller:
-        rows = [row for row in result.table if row.setting == fleet.setting.values]
-        seconds = rows[0].harvest_seconds if rows else None
-        need = f"at least {hours_words(fleet.limit_seconds)}"
-        if seconds is not None:
-            need = hours_words(seconds.mean)
+        row = result.row_of(fleet.setting.values)
+        if row is None or row.harvest_seconds is None:
+            need = f"at least {hours_words(fleet.limit_seconds)}"
+        else:
+            need = hours_words(row.harvest_seconds.mean)
         words.append(f"{_fleet_words(fleet)} would need {need}")
     return words
 

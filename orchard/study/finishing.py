@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from typing import Any
 
 from orchard.discrete.harvest import get_ready
@@ -24,7 +25,7 @@ from orchard.study.finish_words import finish_answer, too_early
 from orchard.study.fleets import PICKERS, Fleet, Fleets
 from orchard.study.options import StudyOptions
 from orchard.study.replications import Replications
-from orchard.study.result import Goal, Model, Row, Standing, StoppedBy, StudyResult
+from orchard.study.result import Goal, Row, Standing, StoppedBy, StudyResult
 from orchard.study.runs import RunRecord, software
 from orchard.study.settings import CARRIERS, Setting
 from orchard.study.store import Store
@@ -46,6 +47,7 @@ def finish_study(
     varied: Mapping[str, Sequence[Any]],
     deadline: Deadline,
     options: StudyOptions = StudyOptions(horizon="harvest"),
+    *,
     tell: Callable[[StudyResult], None] = lambda partial: None,
     is_stopped: Callable[[], bool] = lambda: False,
 ) -> StudyResult:
@@ -58,7 +60,7 @@ def finish_study(
     problems = finish_problems(scenario, varied, deadline, options)
     if problems:
         raise ScenarioError(problems)
-    pickers = list(varied[PICKERS]) if PICKERS in varied else [scenario.pickers]
+    pickers = list(varied.get(PICKERS, [scenario.pickers]))
     fleets = Fleets(scenario, deadline, pickers, varied.get(CARRIERS))
     if not fleets.fleets:
         raise ScenarioError([Problem(deadline.option, too_early(fleets.fastest(), deadline))])
@@ -68,7 +70,16 @@ def finish_study(
     if options.scheduler:
         started = scheduled(options.scheduler)
     with Store(options.store_file, options.anew) as store, started as workers:
-        return _Search(scenario, fleets, options, store, workers, tell, is_stopped).run()
+        search = _Search(
+            scenario=scenario,
+            fleets=fleets,
+            options=options,
+            store=store,
+            workers=workers,
+            tell=tell,
+            is_stopped=is_stopped,
+        )
+        return search.run()
 
 
 def finish_problems(
@@ -141,10 +152,11 @@ class _Search:
         self.reported_at = 0.0
         self.until = self.begun + self.options.budget_seconds
         self.trial = Trial.of(self.options.confidence)
-        self.model: Model = "full" if self.options.model == "full" else "fast"
+        self.model = self.options.first_model
         self.settings: list[Setting] = []
-        has_prices = self.scenario.prices.are_set
-        self.goal: Goal = "cost_per_bin" if has_prices else "harvest_seconds"
+        self.goal: Goal = "harvest_seconds"
+        if self.scenario.prices.are_set:
+            self.goal = "cost_per_bin"
         self.runs = Replications(
             self.settings,
             self.goal,
@@ -284,11 +296,15 @@ class _Search:
         return [fleet for fleet in self._smaller(answer) if self.fleets.is_possible(fleet)]
 
     def _smaller(self, answer: _Tried) -> list[Fleet]:
+        """Return the fleets with fewer pickers, and with fewer carriers, that are next to one."""
         fleet = answer.fleet
+        pickers = 0
+        for crew in self.fleets.crews:
+            if crew.pickers < fleet.pickers:
+                pickers = max(pickers, crew.pickers)
         smaller = []
-        numbers = [crew.pickers for crew in self.fleets.crews if crew.pickers < fleet.pickers]
-        if numbers:
-            smaller.append(self.fleets.fleet(max(numbers), fleet.carriers))
+        if pickers:
+            smaller.append(self.fleets.fleet(pickers, fleet.carriers))
         if fleet.carriers > 1 and self.fleets.carriers is not None:
             smaller.append(self.fleets.fleet(fleet.pickers, fleet.carriers - 1))
         return [fleet for fleet in smaller if fleet is not None]
@@ -307,26 +323,28 @@ class _Search:
         most = self.fleets.deadline.seconds(tried.fleet.setting)
         in_time = 0
         for record in self._records(tried):
-            in_time += record.ended != "jammed" and record.sim_seconds <= most
+            in_time += not record.is_jammed and record.sim_seconds <= most
         return in_time
 
     def _is_out(self, tried: _Tried) -> bool:
         """Whether more harvests were late, or one jammed, than the confidence allows."""
-        is_jammed = any(record.ended == "jammed" for record in self._records(tried))
-        # The one run of a fleet without chance stands for all.
-        allowed = self.trial.late if tried.fleet.setting.is_random else 0
-        return is_jammed or self._late(tried) > allowed
+        if self.runs.has_jammed(tried.number, self.model):
+            return True
+        if not tried.fleet.setting.is_random:
+            # The one run of a fleet without chance stands for all.
+            return self._late(tried) > 0
+        return self._late(tried) > self.trial.late
 
     def _cost(self, tried: _Tried, first: int | None = None) -> float:
         """Return what a harvest of a fleet costs, by the mean; without prices its robots.
 
         `first`: of how many harvests; None: of all.
         """
+        setting = tried.fleet.setting
         if not self.scenario.prices.are_set:
-            return tried.fleet.pickers + tried.fleet.carriers
+            return setting.robots
         costs = []
         for record in self._records(tried)[:first]:
-            setting = tried.fleet.setting
             cost = setting.cost_per_bin(record.bins_per_hour, record.counted_bins) or 0.0
             costs.append(cost * record.bins)
         return sum(costs) / len(costs)
@@ -347,27 +365,25 @@ class _Search:
 
     def _result(self) -> StudyResult:
         """Return what is known so far."""
-        table = [self._row(tried) for tried in self._in_order() if self._records(tried)]
-        varied: dict[str, list[Any]] = {PICKERS: [], CARRIERS: []}
-        for row in table:
-            for key, values in varied.items():
-                if row.setting[key] not in values:
-                    values.append(row.setting[key])
-        best = None if self.answer is None else self.answer.fleet.setting.values
-        violations = set[str]()
-        for record in self.runs.records.values():
-            violations.update(record.violations.splitlines())
+        best = None
+        smaller: list[Fleet] = []
+        days = None
+        if self.answer is not None:
+            setting = self.answer.fleet.setting
+            best = setting.values
+            days = setting.days
+            smaller = self._smaller(self.answer)
         result = StudyResult(
             answer="",
-            orchard=orchard_words(self.scenario, varied),
+            orchard=orchard_words(self.scenario, OF_FLEETS),
             best=best,
-            table=table,
+            table=self._rows(),
             goal=self.goal,
             horizon="harvest",
             confidence=self.options.confidence,
             within=self.options.within,
             scenario=self.scenario.model_dump(),
-            varied={key: sorted(values) for key, values in varied.items()},
+            varied=self._tried_values(),
             wall_seconds=time.time() - self.begun,
             stopped_by=self.stopped_by,
             undecided=[],
@@ -375,17 +391,28 @@ class _Search:
             beyond={},
             notes=self._notes(),
             version=software(),
-            violations=sorted(violations),
+            violations=self.runs.violations,
             deadline=self.fleets.deadline.words,
             deadline_option=self.fleets.deadline.option,
         )
-        smaller = self._smaller(self.answer) if self.answer is not None else []
-        days = self.answer.fleet.setting.days if self.answer is not None else None
         return replace(result, answer=finish_answer(result, smaller, self.trial, days))
 
-    def _in_order(self) -> list[_Tried]:
-        """Return the fleets that have run, in the order of the table."""
-        return sorted(self.tried, key=lambda tried: (tried.fleet.pickers, tried.fleet.carriers))
+    def _with_runs(self) -> list[_Tried]:
+        """Return the fleets that have runs, in the order of the table."""
+        with_runs = [tried for tried in self.tried if self._records(tried)]
+        return sorted(with_runs, key=attrgetter("fleet.pickers", "fleet.carriers"))
+
+    def _rows(self) -> list[Row]:
+        """Return the table: a row for each fleet that has runs."""
+        return [self._row(tried) for tried in self._with_runs()]
+
+    def _tried_values(self) -> dict[str, list[Any]]:
+        """Return the numbers of robots that have runs, by the key of the scenario."""
+        values: dict[str, set[Any]] = {PICKERS: set(), CARRIERS: set()}
+        for tried in self._with_runs():
+            for key, of_key in values.items():
+                of_key.add(tried.fleet.setting.values[key])
+        return {key: sorted(of_key) for key, of_key in values.items()}
 
     def _row(self, tried: _Tried) -> Row:
         """Return the line of a fleet in the table."""

@@ -20,14 +20,21 @@ from statistics import fmean
 
 from orchard.field.layout import Layout, lay_out
 from orchard.field.picking import picking_speed_of
-from orchard.field.problems import ScenarioError
 from orchard.field.rows import Block
 from orchard.field.scenario import ROW_RULES, Scenario, with_changes
 from orchard.plans.jobs import handover_seconds
 from orchard.report.bounds import Bounds, load_out_seconds
 from orchard.report.limits import full_bins, in_mean_rows, limit_of_question, with_seed
 from orchard.study.deadline import Deadline
-from orchard.study.settings import CARRIERS, FEWER, MORE, Setting, most_carriers, settings_of
+from orchard.study.settings import (
+    CARRIERS,
+    FEWER,
+    MORE,
+    Setting,
+    is_possible,
+    most_carriers,
+    settings_of,
+)
 
 PICKERS = "pickers"
 # The parts of which the limit hangs on what varies, or on the seed.
@@ -149,7 +156,10 @@ class Fleets:
         self.scenario = scenario
         self.deadline = deadline
         self.is_open = not pickers
-        numbers = _worth_trying(scenario) if self.is_open else [n for n in pickers if n]
+        if self.is_open:
+            numbers = _worth_trying(scenario)
+        else:
+            numbers = [number for number in pickers if number]
         self.crews = [Crew(scenario, number) for number in sorted(numbers)]
         self.carriers = carriers
         self._known: dict[tuple[int, int], Fleet | None] = {}
@@ -157,12 +167,9 @@ class Fleets:
     @cached_property
     def fleets(self) -> list[Fleet]:
         """The fleets of which the limit meets the deadline: the cheapest ones first."""
-        meeting = []
+        meeting: list[Fleet] = []
         for crew in self._crews_in_time():
-            for number in self._numbers_of_carriers(crew):
-                fleet = self.fleet(crew.pickers, number)
-                if fleet is not None and self.is_possible(fleet):
-                    meeting.append(fleet)
+            meeting += filter(self.is_possible, self._fleets_of(crew))
         return sorted(meeting, key=attrgetter("least_cost", "pickers", "carriers"))
 
     def is_possible(self, fleet: Fleet) -> bool:
@@ -210,13 +217,15 @@ class Fleets:
 
     def fastest(self) -> Fleet:
         """Return the fleet of which the limit is the shortest."""
-        crew = min(self.crews, key=lambda crew: crew.without_carriers)
-        found = []
+        crew = min(self.crews, key=attrgetter("without_carriers"))
+        return min(self._fleets_of(crew), key=attrgetter("limit_seconds", "carriers"))
+
+    def _fleets_of(self, crew: Crew) -> Iterator[Fleet]:
+        """Yield the fleets of a crew for which the orchard has room."""
         for number in self._numbers_of_carriers(crew):
             fleet = self.fleet(crew.pickers, number)
             if fleet is not None:
-                found.append(fleet)
-        return min(found, key=attrgetter("limit_seconds", "carriers"))
+                yield fleet
 
     def _crews_in_time(self) -> Iterator[Crew]:
         """Yield the crews that may be in time, if they have as many carriers as it takes."""
@@ -231,10 +240,11 @@ class Fleets:
 
     def _numbers_of_carriers(self, crew: Crew) -> list[int]:
         """Return the numbers of carriers that a study tries with a crew."""
-        given = [self.scenario.carriers] if self.carriers is None else self.carriers
-        if given:
-            usual = crew.scenario.model_copy(update={"carriers": None}).carrier_count
-            return [usual if number is None else number for number in given]
+        usual = crew.scenario.model_copy(update={"carriers": None}).carrier_count
+        if self.carriers is None:
+            return [self.scenario.carriers or usual]
+        if self.carriers:
+            return [number or usual for number in self.carriers]
         most = most_carriers(crew.scenario)
         # With so many carriers they do not limit what pickers and the bay allow.
         busy = crew.parts[CARRIERS] / crew.without_carriers
@@ -244,7 +254,7 @@ class Fleets:
     def _least_cost(self, setting: Setting, seconds: float) -> float:
         """Return the least that the harvest of a setting may cost in so many s, or its robots."""
         if not setting.has_prices:
-            return setting.scenario.pickers + setting.scenario.carrier_count
+            return setting.robots
         bins = lay_out(setting.scenario).bins
         return bins * sum(setting.payments(3600.0 * bins / seconds, bins).values())
 
@@ -257,12 +267,16 @@ def _worth_trying(scenario: Scenario) -> list[int]:
     is_balanced = (
         scenario.rows_to_pickers in ROW_RULES[:2] and scenario.survey is None and are_alike
     )
-    if not is_balanced:
-        return [number for number in numbers if _is_scenario(scenario, number)]
-    shares: dict[int, int] = {}
+    possible = []
     for number in numbers:
-        if _is_scenario(scenario, number):
-            shares.setdefault(ceil(scenario.rows / number), number)
+        if is_possible(scenario, {PICKERS: number, CARRIERS: 1}):
+            possible.append(number)
+    if not is_balanced:
+        return possible
+    # The longest share of rows -> the least number of pickers that has it.
+    shares: dict[int, int] = {}
+    for number in possible:
+        shares.setdefault(ceil(scenario.rows / number), number)
     return list(shares.values())
 
 
@@ -273,15 +287,6 @@ def _pickers_are_drawn(scenario: Scenario) -> bool:
 def _rows_are_drawn(scenario: Scenario) -> bool:
     """Whether the seed decides how long a row takes."""
     return scenario.picking.spread.distribution != "none" or _pickers_are_drawn(scenario)
-
-
-def _is_scenario(scenario: Scenario, pickers: int) -> bool:
-    """Whether there can be so many pickers."""
-    try:
-        with_changes(scenario, pickers=pickers, carriers=1)
-    except ScenarioError:
-        return False
-    return True
 
 
 def _first(crews: Sequence[Crew], is_met: Callable[[Crew], bool]) -> int:

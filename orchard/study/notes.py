@@ -13,11 +13,13 @@ from orchard.report.rare_truck import notes_on_truck
 from orchard.study.options import StudyOptions
 from orchard.study.replications import Replications
 from orchard.study.result import Model
+from orchard.study.runs import RunRecord
 from orchard.study.words import counted
 
 # Keys on which it depends how much each picker has to pick.
 SHARES = frozenset({"rows", "pickers", "rows_to_pickers"})
-MOST_NAMED = 5  # settings that a note names
+# How many settings a note names.
+MOST_NAMED = 5
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,9 @@ class StudyNotes:
         """Return which settings have no run, and why. `was_stopped`: whether by the user."""
         if not settings:
             return []
-        why = "the study was stopped before" if was_stopped else "there was no time for"
+        why = "there was no time for"
+        if was_stopped:
+            why = "the study was stopped before"
         count = counted("settings", len(settings))
         names = "; ".join(self.runs.settings[i].words for i in settings[:MOST_NAMED])
         if len(settings) > MOST_NAMED:
@@ -52,8 +56,10 @@ class StudyNotes:
         """Return why each of these settings jams: by a fault of an own class, or the robots."""
         notes = []
         for i in settings:
-            faults = [record.faults for record in self.runs.known(i, self.model) if record.faults]
-            why = faults[0].splitlines()[0] if faults else "some robots wait for ever"
+            why = "some robots wait for ever"
+            with_faults = _with_faults(self.runs.known(i, self.model))
+            if with_faults:
+                why = with_faults[0].first_fault
             notes.append(f"{self._words(i)} jams: {why}")
         return notes
 
@@ -65,12 +71,12 @@ class StudyNotes:
         notes = []
         for i in settings:
             records = [*self.runs.known(i, "fast"), *self.runs.known(i, "full")]
-            with_faults = [record for record in records if record.faults]
+            with_faults = _with_faults(records)
             if with_faults:
                 first = with_faults[0]
                 notes.append(
                     f"{self._words(i)}: {len(with_faults)} of {len(records)} runs had faults;"
-                    f" seed {first.seed}: {first.faults.splitlines()[0]}"
+                    f" seed {first.seed}: {first.first_fault}"
                 )
         return notes
 
@@ -138,6 +144,11 @@ class StudyNotes:
 
     def _words(self, i: int) -> str:
         return self.runs.settings[i].words or "the scenario"
+
+
+def _with_faults(records: Sequence[RunRecord]) -> list[RunRecord]:
+    """Return the runs in which an own class failed."""
+    return [record for record in records if record.faults]
 
 
 def no_room(most: int) -> str:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from orchard.folders import runs_folder
-from orchard.study.result import Goal, Horizon, Models
+from orchard.study.result import Goal, Horizon, Model, Models
 
 STORE = "studies.db"
 
@@ -29,6 +29,18 @@ class StudyOptions:
     store: Path | None = None
     # Whether what a store of another version holds is forgotten.
     anew: bool = False
+
+    @property
+    def first_model(self) -> Model:
+        """The model that does all settings; the other one may check the best of them."""
+        if self.model == "full":
+            return "full"
+        return "fast"
+
+    @property
+    def confirms(self) -> bool:
+        """Whether the full model checks what the fast one answers. It knows no long run."""
+        return self.model == "both" and self.horizon == "harvest"
 
     @property
     def store_file(self) -> Path:

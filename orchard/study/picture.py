@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
@@ -23,7 +25,10 @@ from matplotlib.ticker import MaxNLocator
 from orchard.study.kinds_of_files import MAKER
 from orchard.study.result import Interval, Row, StudyResult
 from orchard.study.spread import is_number
+from orchard.study.table import MODELS
 from orchard.study.words import axis_words, interval_words, setting_words, value_words
+
+Array = npt.NDArray[np.float64]
 
 # Colours of words and of axes; on a page the ink is that of the page's words.
 INK = "#24301f"
@@ -38,9 +43,12 @@ HEIGHT = 4.4
 HEIGHT_WITH_COST = 6.6
 # Between the points of two lines at one value that is no number, as a share of the way to the next.
 DODGE = 0.16
-DEAREST = 3.0  # times the least cost, up to which costs are shown
-MOST_TICKS = 24  # values that are all named along the axis
-MOST_LINES = 6  # more are not shown: those with the best settings are
+# Times the least cost, up to which costs are shown.
+DEAREST = 3.0
+# How many values are all named along the axis.
+MOST_TICKS = 24
+# How many lines are shown: those with the best settings.
+MOST_LINES = 6
 FONTS = ["system-ui", "DejaVu Sans", "sans-serif"]
 # Of each kind of picture: what has made it. An SVG has no date.
 METADATA: dict[str, dict[str, Any]] = {
@@ -56,7 +64,8 @@ class Curve:
     """The settings that differ only in the key along the axis."""
 
     rest: dict[str, Any]
-    rows: list[Row]  # in the order of the axis
+    #: In the order of the axis.
+    rows: list[Row]
 
     @property
     def known(self) -> list[Row]:
@@ -71,7 +80,8 @@ class LineLook:
     colour: str
     mark: str
     dash: Any
-    aside: float  # along the axis, from its values: points of several lines stand side by side
+    #: How far points stand beside their value on the axis, as those of several lines do.
+    aside: float
 
     @property
     def of_points(self) -> dict[str, Any]:
@@ -91,52 +101,63 @@ class Content:
     def _number_count(self, key: str) -> int:
         """Return how many numbers a key has; 0 if not all of its values are numbers."""
         values = self.result.varied.get(key, [])
-        is_numeric = len(values) > 1 and all(is_number(value) for value in values)
-        return len(values) if is_numeric else 0
+        if len(values) > 1 and all(map(is_number, values)):
+            return len(values)
+        return 0
 
     @cached_property
     def values(self) -> list[Any]:
         """What stands along the axis, in its order."""
         values = self.result.varied.get(self.key, [])
-        return sorted(values) if self.is_numeric else list(values)
+        if self.is_numeric:
+            return sorted(values)
+        return list(values)
 
     @cached_property
     def lines(self) -> list[Curve]:
         """The lines, at most MOST_LINES of them: those that reach most of the goal."""
         # By the values of all other keys, which may be sections.
-        rows: dict[str, list[Row]] = {}
+        curves: dict[str, Curve] = {}
         for row in sorted(self.result.table, key=self.place):
-            rest = [row.setting.get(key) for key in self.others]
-            rows.setdefault(repr(rest), []).append(row)
-        curves = []
-        for of_curve in rows.values():
-            setting = of_curve[0].setting
-            curves.append(Curve({key: setting.get(key) for key in self.others}, of_curve))
-        best = sorted(curves, key=self._reached)[:MOST_LINES]
-        return [curve for curve in curves if curve in best]
+            rest = {key: row.setting.get(key) for key in self.others}
+            curve = curves.setdefault(repr(rest), Curve(rest, []))
+            curve.rows.append(row)
+        best = sorted(curves.values(), key=self._reached)[:MOST_LINES]
+        return [curve for curve in curves.values() if curve in best]
 
     def _reached(self, line: Curve) -> float:
         """Return how near a line comes to the goal; less is nearer."""
-        sign = -1.0 if self.result.goal == "bins_per_hour" else 1.0
-        figures = [getattr(row, self.result.goal) for row in line.known]
-        means = [sign * figure.mean for figure in figures if figure is not None]
-        return min(means, default=inf)
+        nearest = inf
+        for row in line.known:
+            figure = getattr(row, self.result.goal)
+            if figure is None:
+                continue
+            if self.result.goal == "bins_per_hour":
+                nearest = min(nearest, -figure.mean)
+            else:
+                nearest = min(nearest, figure.mean)
+        return nearest
 
     def place(self, row: Row) -> float:
         """Return where a row stands along the axis."""
         value = row.setting.get(self.key)
         if self.is_numeric and value is not None:
             return float(value)
-        return float(self.values.index(value)) if self.values else 0.0
+        if not self.values:
+            return 0.0
+        return float(self.values.index(value))
 
     def look(self, number: int) -> LineLook:
         """Return how a line is drawn. `number`: of the line, from 0 on."""
-        middle = (len(self.lines) - 1) / 2
+        aside = 0.0
+        if not self.is_numeric:
+            middle = (len(self.lines) - 1) / 2
+            aside = DODGE * (number - middle)
         return LineLook(
             colour=COLOURS[number % len(COLOURS)],
             mark=MARKS[number % len(MARKS)],
             dash=DASHES[number % len(DASHES)],
-            aside=0.0 if self.is_numeric else DODGE * (number - middle),
+            aside=aside,
         )
 
     def places(self, line: Curve, look: LineLook) -> list[float]:
@@ -147,33 +168,36 @@ class Content:
 def figure(result: StudyResult) -> Figure:
     """Return the picture of a study, complete or not."""
     content = Content(result)
-    has_cost = any(row.cost_per_bin is not None for row in result.table)
-    height = HEIGHT_WITH_COST if has_cost else HEIGHT
+    height = HEIGHT
+    if result.has_costs:
+        height = HEIGHT_WITH_COST
     drawing = Figure(figsize=(WIDTH, height), layout="constrained")
     drawing.patch.set_alpha(0.0)
-    if has_cost:
+    if result.has_costs:
         rates, costs = drawing.subplots(2, 1, sharex=True, height_ratios=[3, 2])
-        all_axes = [rates, costs]
+        _draw_rates(rates, content)
+        _draw_costs(costs, content)
+        style_axes(rates)
+        style_axes(costs)
+        _draw_axis(costs, content)
     else:
         rates = drawing.subplots()
-        all_axes = [rates]
-    _draw_rates(rates, content)
-    if has_cost:
-        _draw_costs(costs, content)
-    for axes in all_axes:
-        style_axes(axes)
-    _draw_axis(all_axes[-1], content)
+        _draw_rates(rates, content)
+        style_axes(rates)
+        _draw_axis(rates, content)
     return drawing
 
 
 def _draw_rates(axes: Axes, content: Content) -> None:
     """Draw the bins an hour of all lines, under their bounds."""
-    is_long = content.result.horizon == "long"
-    axes.set_ylabel("bins an hour" + (" in the long run" if is_long else ""))
+    unit = "bins an hour"
+    if content.result.horizon == "long":
+        unit += " in the long run"
+    axes.set_ylabel(unit)
     for number, line in enumerate(content.lines):
         look = content.look(number)
         _draw_bounds(axes, content, line, look)
-        _draw_figures(axes, content, line, look, [row.bins_per_hour for row in line.rows])
+        _draw_figures(axes, content, line, look, "bins_per_hour")
         _draw_checks(axes, content, line, look)
         _draw_jams(axes, content, line, look)
     axes.set_ylim(bottom=0.0)
@@ -194,17 +218,17 @@ def _draw_bounds(axes: Axes, content: Content, line: Curve, look: LineLook) -> N
 def _draw_checks(axes: Axes, content: Content, line: Curve, look: LineLook) -> None:
     """Draw what the simulator says of the settings that it has checked."""
     places = []
-    means = []
+    rates = []
     for place, row in zip(content.places(line, look), line.rows, strict=True):
         if row.check is not None:
             places.append(place)
-            means.append(row.check.bins_per_hour)
+            rates.append(row.check.bins_per_hour)
     if not places:
         return
     axes.errorbar(
         places,
-        [interval.mean for interval in means],
-        _half_widths(means),
+        means_of(rates),
+        half_widths(rates),
         color=INK,
         ls="",
         marker="d",
@@ -219,11 +243,10 @@ def _draw_checks(axes: Axes, content: Content, line: Curve, look: LineLook) -> N
 
 def _draw_jams(axes: Axes, content: Content, line: Curve, look: LineLook) -> None:
     """Draw a cross at the foot for each setting of which all runs jammed."""
-    places = [
-        place
-        for place, row in zip(content.places(line, look), line.rows, strict=True)
-        if row.bins_per_hour is None
-    ]
+    places = []
+    for place, row in zip(content.places(line, look), line.rows, strict=True):
+        if row.bins_per_hour is None:
+            places.append(place)
     if places:
         axes.plot(
             places,
@@ -242,40 +265,40 @@ def _draw_costs(axes: Axes, content: Content) -> None:
     """Draw what a bin costs. Where it is far above the least, the line leaves the picture."""
     axes.set_ylabel("cost of a bin")
     for number, line in enumerate(content.lines):
-        costs_of_line = [row.cost_per_bin for row in line.rows]
-        _draw_figures(axes, content, line, content.look(number), costs_of_line)
+        _draw_figures(axes, content, line, content.look(number), "cost_per_bin")
     costs = [row.cost_per_bin.mean for row in content.result.table if row.cost_per_bin is not None]
     axes.set_ylim(0.0, 1.1 * min(max(costs), DEAREST * min(costs)) or 1.0)
 
 
-def _draw_figures(
-    axes: Axes, content: Content, line: Curve, look: LineLook, figures: Sequence[Interval | None]
-) -> None:
-    """Draw figures of a line with their intervals, and the best one.
+def _draw_figures(axes: Axes, content: Content, line: Curve, look: LineLook, name: str) -> None:
+    """Draw a figure of each row of a line with its interval, and mark the best row.
 
-    `figures`: of the rows of the line, (n,).
+    `name`: of the figure, as a row has it.
     """
     places = []
-    known = []
-    for place, interval in zip(content.places(line, look), figures, strict=True):
-        if interval is not None:
-            places.append(place)
-            known.append(interval)
-    if not known:
+    figures = []
+    best = []
+    for place, row in zip(content.places(line, look), line.rows, strict=True):
+        interval: Interval | None = getattr(row, name)
+        if interval is None:
+            continue
+        places.append(place)
+        figures.append(interval)
+        if row.standing == "best":
+            best.append((place, interval))
+    if not figures:
         return
-    means = [interval.mean for interval in known]
+    means = means_of(figures)
     label = _name_of(line)
     if content.is_numeric:
-        lows = [interval.low for interval in known]
-        highs = [interval.high for interval in known]
+        lows, highs = ends_of(figures)
         axes.fill_between(places, lows, highs, color=look.colour, alpha=0.18, lw=0)
         axes.plot(places, means, lw=1.8, ls=look.dash, label=label, **look.of_points)
     else:
-        bars = _half_widths(known)
+        bars = half_widths(figures)
         axes.errorbar(places, means, bars, ls="", capsize=5, lw=1.4, label=label, **look.of_points)
-    for place, interval, row in zip(content.places(line, look), figures, line.rows, strict=True):
-        if row.standing == "best" and interval is not None:
-            _mark_best(axes, place, interval)
+    for place, interval in best:
+        _mark_best(axes, place, interval)
 
 
 def _mark_best(axes: Axes, place: float, interval: Interval) -> None:
@@ -306,20 +329,32 @@ def _name_of(line: Curve) -> str:
     """Return the name of a line for the legend: what its settings share, or the model."""
     if line.rest:
         return setting_words(line.rest)
-    return "fast model" if line.rows[0].model == "fast" else "simulator"
+    return MODELS[line.rows[0].model]
 
 
 def _once(axes: Axes, label: str) -> str | None:
     """Return a label; None if the legend has it already."""
     _, labels = axes.get_legend_handles_labels()
-    return None if label in labels else label
+    if label in labels:
+        return None
+    return label
 
 
-def _half_widths(intervals: Sequence[Interval]) -> list[list[float]]:
+def means_of(intervals: Sequence[Interval]) -> Array:
+    """Return the means of intervals, (n,)."""
+    return np.array([interval.mean for interval in intervals])
+
+
+def ends_of(intervals: Sequence[Interval]) -> Array:
+    """Return the low ends of intervals and the high ones, (2, n)."""
+    return np.array([(interval.low, interval.high) for interval in intervals]).T
+
+
+def half_widths(intervals: Sequence[Interval]) -> Array:
     """Return how far intervals reach below and above their means, (2, n)."""
-    below = [interval.mean - interval.low for interval in intervals]
-    above = [interval.high - interval.mean for interval in intervals]
-    return [below, above]
+    lows, highs = ends_of(intervals)
+    means = means_of(intervals)
+    return np.array([means - lows, highs - means])
 
 
 def style_axes(axes: Axes) -> None:
@@ -402,7 +437,7 @@ def inline_svg(result: StudyResult) -> str:
     The element has a title, which says what the picture shows.
     """
     title = "Bins an hour of each setting"
-    if any(row.cost_per_bin for row in result.table):
+    if result.has_costs:
         title += ", and what a bin costs"
     return inline_drawing(figure(result), title)
 

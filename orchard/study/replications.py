@@ -7,7 +7,6 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import takewhile
 from statistics import fmean
 
 from orchard.report.limits import rate_in_mean_rows
@@ -31,54 +30,57 @@ class Replications:
     horizon: Horizon
     store: Store
     workers: Workers
-    heard: Callable[[], None]  # called after each run
+    #: Is called after each run.
+    heard: Callable[[], None]
     is_stopped: Callable[[], bool]
+    #: By the key of the run.
     records: dict[str, RunRecord] = field(default_factory=dict)
-    # By model, the time in which workers did runs, s, with their start and all that they wait for.
+    #: By model, the time in which workers did runs, s, with their start and all that they wait for.
     worked_seconds: dict[Model, float] = field(default_factory=lambda: defaultdict(float))
-    # By model, the runs that they did in this time.
+    #: By model, the runs that they did in this time.
     runs_done: Counter[Model] = field(default_factory=Counter)
-    _planned: dict[tuple[int, Model], list[PlannedRun]] = field(
-        default_factory=dict
-    )  # setting and model -> its runs by seed
+    #: Setting and model -> its runs by seed.
+    _planned: dict[tuple[int, Model], list[PlannedRun]] = field(default_factory=dict)
 
     # -- doing runs
 
     def do(self, settings: Iterable[int], model: Model, count: int, until: float) -> bool:
-        """Have so many replications of each of these settings done, with those that it has, seed by
-        seed. Return whether all of them are.
+        """Have so many replications of each of these settings done, the first seeds first.
 
-        A setting without chance has one. Raises WorkersError or RunFailed if they cannot be done.
+        Those that the store has are not done again. A setting without chance has one. Return
+        whether all are done. Raises WorkersError or RunFailed if they cannot be done.
         """
         runs = self._plan(settings, model, count)
         self.records |= self.store.known(key for key in runs if key not in self.records)
-        left = sorted(
-            (run for key, run in runs.items() if key not in self.records),
-            key=lambda run: run.scenario.seed,
-        )
+        remaining = [run for key, run in runs.items() if key not in self.records]
+        remaining.sort(key=lambda run: run.scenario.seed)
         begun = time.time()
-        for _, record in self.workers.do(
-            partial(do, until=until), left, lambda: self.goes_on(until)
-        ):
+        work = partial(do, until=until)
+        for _, record in self.workers.do(work, remaining, lambda: self.goes_on(until)):
             if record is not None:
                 self.runs_done[model] += 1
                 self._keep(record)
             now = time.time()
             self.worked_seconds[model] += now - begun
             begun = now
-        return all(key in self.records for key in runs)
+        return runs.keys() <= self.records.keys()
 
     def _plan(self, settings: Iterable[int], model: Model, count: int) -> dict[str, PlannedRun]:
-        runs: list[PlannedRun] = []
+        """Return so many runs of each of these settings, by key."""
+        runs: dict[str, PlannedRun] = {}
         for i in settings:
-            scenario, planned = self.settings[i].scenario, self._planned.setdefault((i, model), [])
-            wanted = count if self.settings[i].is_random else 1
-            seeds = range(scenario.seed + len(planned), scenario.seed + wanted)
-            planned += [PlannedRun.of(scenario, seed, model, self.horizon) for seed in seeds]
-            runs += planned[:wanted]
-        return {run.key: run for run in runs}
+            setting = self.settings[i]
+            planned = self._planned.setdefault((i, model), [])
+            wanted = setting.seeds_that_differ(count)
+            first_seed = setting.scenario.seed
+            for seed in range(first_seed + len(planned), first_seed + wanted):
+                planned.append(PlannedRun.of(setting.scenario, seed, model, self.horizon))
+            for run in planned[:wanted]:
+                runs[run.key] = run
+        return runs
 
     def _keep(self, record: RunRecord) -> None:
+        """Keep a run that a worker has done, and say so."""
         if record.version != software():
             raise WorkersError(
                 f"a worker has version {record.version}, and this is {software()}: install the same"
@@ -99,17 +101,37 @@ class Replications:
         knows only how long runs took by themselves. The larger figure is nearer to what is to come.
         """
         took = [record.wall_seconds for record in self.records.values() if record.model == model]
-        a_run = fmean(took) / self.workers.count if took else 0.0
+        seconds_of_run = 0.0
+        if took:
+            seconds_of_run = fmean(took) / self.workers.count
         if self.runs_done[model]:
-            a_run = max(a_run, self.worked_seconds[model] / self.runs_done[model])
-        return more * len(settings) * a_run
+            worked = self.worked_seconds[model] / self.runs_done[model]
+            seconds_of_run = max(seconds_of_run, worked)
+        return more * len(settings) * seconds_of_run
 
     # -- what they gave
 
     def known(self, i: int, model: Model) -> list[RunRecord]:
         """Return the records of a setting, by seed, up to the first one that is missing."""
-        keys = (run.key for run in self._planned.get((i, model), []))
-        return [self.records[key] for key in takewhile(self.records.__contains__, keys)]
+        records = []
+        for run in self._planned.get((i, model), []):
+            record = self.records.get(run.key)
+            if record is None:
+                break
+            records.append(record)
+        return records
+
+    def has_jammed(self, i: int, model: Model) -> bool:
+        """Whether a run of a setting jammed."""
+        return any(record.is_jammed for record in self.known(i, model))
+
+    @property
+    def violations(self) -> list[str]:
+        """The violations of invariants in all runs, each once, in the order of their words."""
+        violations = set[str]()
+        for record in self.records.values():
+            violations.update(record.violations.splitlines())
+        return sorted(violations)
 
     def value(self, i: int, record: RunRecord) -> float:
         """Return what a run says of the goal."""
@@ -130,12 +152,18 @@ class Replications:
         return self.settings[i].limit.bins_per_hour
 
     def sample(self, i: int, model: Model, count: int) -> list[float]:
-        """Return the values of the goal by seed.
+        """Return the values of the goal by seed."""
+        return [self.value(i, record) for record in self.first_records(i, model, count)]
+
+    def first_records(self, i: int, model: Model, count: int) -> list[RunRecord]:
+        """Return the records of so many first seeds.
 
         The one run of a setting without chance stands for all seeds.
         """
-        values = [self.value(i, record) for record in self.known(i, model)[:count]]
-        return values if self.settings[i].is_random else values[:1] * count
+        records = self.known(i, model)
+        if self.settings[i].is_random:
+            return records[:count]
+        return records[:1] * count
 
 
 def shown_rate(setting: Setting, record: RunRecord) -> float:
@@ -149,38 +177,54 @@ def shown_rate(setting: Setting, record: RunRecord) -> float:
     return rate
 
 
-CHECKS = 5  # replications by the full model of each of the best two
-LEAST_CHECKS = 3  # fewer are told
+# Replications by the full model of each setting that is checked.
+CHECKS = 5
+# A note says if there are fewer.
+LEAST_CHECKS = 3
 
 
 def confirmed(
-    replications: Replications, two: Sequence[int], confidence: float, until: float
+    replications: Replications, settings: Sequence[int], confidence: float, until: float
 ) -> tuple[dict[int, Check], list[str]]:
-    """Have the full model harvest two settings, on the seeds of the fast model, as far as the time
-    allows. Return the checks, and notes.
+    """Have the full model harvest some settings, on the seeds of the fast model, as far as the time
+    allows. Return the check of each setting that has a run, and notes.
     """
-    replications.do(two, "full", CHECKS, until)
-    checks = {i: _check(replications, i, confidence) for i in two if replications.known(i, "full")}
-    return checks, [note for i in two for note in _notes(replications.settings[i], checks.get(i))]
+    replications.do(settings, "full", CHECKS, until)
+    checks = {}
+    notes = []
+    for i in settings:
+        if replications.known(i, "full"):
+            checks[i] = _check(replications, i, confidence)
+        notes += _notes(replications.settings[i], checks.get(i))
+    return checks, notes
 
 
 def _check(replications: Replications, i: int, confidence: float) -> Check:
-    full, fast = replications.known(i, "full"), replications.known(i, "fast")
+    """Return what the full model says of a setting that has a run by it."""
     setting = replications.settings[i]
-    rates = [shown_rate(setting, record) for record in full if record.ended != "jammed"]
-    beside = fast if setting.is_random else fast * len(full)
-    pairs = [
-        (one, other) for one, other in zip(full, beside, strict=False) if one.ended != "jammed"
-    ]
-    found = interval(rates, confidence) if rates else Interval(mean=0.0, low=0.0, high=0.0)
-    difference = (
-        sum(one.bins_per_hour for one, _ in pairs) / sum(other.bins_per_hour for _, other in pairs)
-        - 1.0
-        if pairs
-        else 0.0
-    )
+    full = replications.known(i, "full")
+    fast = replications.known(i, "fast")
+    if not setting.is_random:
+        # Its one run stands for all seeds.
+        fast = fast * len(full)
+    rates = []
+    full_rates = []
+    fast_rates = []
+    for number, record in enumerate(full):
+        if record.is_jammed:
+            continue
+        rates.append(shown_rate(setting, record))
+        if number < len(fast):
+            full_rates.append(record.bins_per_hour)
+            fast_rates.append(fast[number].bins_per_hour)
+    rate = Interval(mean=0.0, low=0.0, high=0.0)
+    if rates:
+        rate = interval(rates, confidence)
+    difference = 0.0
+    if fast_rates:
+        difference = sum(full_rates) / sum(fast_rates) - 1.0
     return Check(
-        bins_per_hour=found,
+        bins_per_hour=rate,
         difference=difference,
         replications=len(full),
         jammed=len(full) - len(rates),
@@ -188,7 +232,9 @@ def _check(replications: Replications, i: int, confidence: float) -> Check:
 
 
 def _notes(setting: Setting, check: Check | None) -> list[str]:
-    words, wanted = setting.words or "the scenario", CHECKS if setting.is_random else 1
+    """Return what a reader must know of the check of a setting; `check`: None if there is none."""
+    words = setting.words or "the scenario"
+    wanted = setting.seeds_that_differ(CHECKS)
     if check is None:
         return [
             f"the budget did not allow a run of {words} by the simulator: the fast model alone"
@@ -196,15 +242,12 @@ def _notes(setting: Setting, check: Check | None) -> list[str]:
         ]
     notes = []
     if check.replications < wanted:
-        least = (
-            f"; {LEAST_CHECKS} are the least for a sound check"
-            if check.replications < min(LEAST_CHECKS, wanted)
-            else ""
+        note = (
+            f"the budget allowed {check.replications} of {wanted} runs of {words} by the simulator"
         )
-        notes.append(
-            f"the budget allowed {check.replications} of {wanted} runs of {words} by the"
-            f" simulator{least}"
-        )
+        if check.replications < min(LEAST_CHECKS, wanted):
+            note += f"; {LEAST_CHECKS} are the least for a sound check"
+        notes.append(note)
     if check.jammed:
         notes.append(
             f"{words}: {check.jammed} of {check.replications} runs jammed in the simulator, and"

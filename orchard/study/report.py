@@ -38,15 +38,19 @@ def document(result: StudyResult) -> str:
     All words are escaped.
     """
     heads, lines = heads_and_lines(result)
+    payments = []
+    if result.best_row is not None:
+        payments = payment_lines(result.best_row)
     return page(
         answer=result.answer,
-        picture=Markup(inline_svg(result)),  # matplotlib has escaped its words
+        # Matplotlib has escaped its words.
+        picture=Markup(inline_svg(result)),
         of_table="Settings",
         heads=heads,
         lines=lines,
         best=[number for number, row in enumerate(result.table) if row.standing == "best"],
         legend=legend(result),
-        payments=payment_lines(result.best_row) if result.best_row is not None else [],
+        payments=payments,
         made=_made(result),
         notes=result.notes,
         scenario=to_yaml(check(result.scenario)),
@@ -65,13 +69,15 @@ def page(**parts: Any) -> str:
 
 
 def _made(result: StudyResult) -> dict[str, Any]:
-    varied = {
-        f"{key_words(key)} tried": ", ".join(value_words(value, key) for value in values)
-        for key, values in result.varied.items()
-    }
-    runs = sum(
-        row.replications + (row.check.replications if row.check else 0) for row in result.table
-    )
+    """Return how the study was made, in words, by what they are about."""
+    varied = {}
+    for key, values in result.varied.items():
+        varied[f"{key_words(key)} tried"] = ", ".join(value_words(value, key) for value in values)
+    runs = 0
+    for row in result.table:
+        runs += row.replications
+        if row.check is not None:
+            runs += row.check.replications
     return varied | {
         "goal": GOALS[result.goal],
         "horizon": HORIZONS[result.horizon],
@@ -85,20 +91,23 @@ def _made(result: StudyResult) -> dict[str, Any]:
 
 def command(result: StudyResult) -> str:
     """Return the command that does the study again, for the scenario in a file of this name."""
-    told = {
-        key: ",".join(one if isinstance(one, str) else json.dumps(one) for one in values)
-        for key, values in result.varied.items()
-    }
-    varied = [f"--vary {shlex.quote(f'{key}={values}')}" for key, values in told.items()]
-    options = [
-        f"--goal {result.goal}",
-        f"--horizon {result.horizon}",
-        f"--confidence {result.confidence}",
-        f"--within {result.within}",
-    ]
+    parts = ["orchard study scenario.yaml"]
+    for key, values in result.varied.items():
+        listed = ",".join(map(_typed, values))
+        parts.append(f"--vary {shlex.quote(f'{key}={listed}')}")
     if result.deadline:
-        options = [result.deadline_option, *options[2:]]
-    models = (
-        ["--model full"] if {row.model for row in result.table} == {"full"} else []
-    )  # as it must be for agents of the user's own
-    return " ".join(["orchard study scenario.yaml", *varied, *options, *models])
+        parts.append(result.deadline_option)
+    else:
+        parts += [f"--goal {result.goal}", f"--horizon {result.horizon}"]
+    parts += [f"--confidence {result.confidence}", f"--within {result.within}"]
+    # Agents of the user's own need the full model.
+    if {row.model for row in result.table} == {"full"}:
+        parts.append("--model full")
+    return " ".join(parts)
+
+
+def _typed(value: Any) -> str:
+    """Return a value as a user types it behind `--vary`."""
+    if isinstance(value, str):
+        return value
+    return json.dumps(value)

@@ -5,9 +5,8 @@ sentences.
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-Model = Literal[
-    "fast", "full", "proven"
-]  # the last one in benchmarks: what is proven of the shortest harvest
+# `proven`, which only benchmarks have: what is proven of the shortest harvest.
+Model = Literal["fast", "full", "proven"]
 Models = Literal["fast", "full", "both"]
 Horizon = Literal["harvest", "long"]
 StoppedBy = Literal["certain", "budget", "seeds", "stopped"]
@@ -52,9 +51,8 @@ class Check:
     """
 
     bins_per_hour: Interval
-    difference: (
-        float  # full over fast, on these seeds, as a share of the fast model's mean: 0.01 is 1 %
-    )
+    #: Full over fast, on these seeds, as a share of the fast model's mean: 0.01 is 1 %.
+    difference: float
     replications: int
     jammed: int
 
@@ -66,7 +64,8 @@ class Row:
     Rates are in bins per hour, times in s, costs in the currency of the scenario's prices.
     """
 
-    setting: dict[str, Any]  # what varies: {"carriers": 9, "dispatch": "predictive"}
+    #: What varies: {"carriers": 9, "dispatch": "predictive"}.
+    setting: dict[str, Any]
     model: Model
     replications: int
     # Replications in which robots waited for ever, or too few carriers came to a picker; all other
@@ -77,8 +76,10 @@ class Row:
     bins_per_hour: Interval | None
     harvest_seconds: Interval | None
     cost_per_bin: Interval | None  # None too if the scenario has no prices
-    picker_waiting_seconds: float  # for which a picker stands until it has an empty bin, mean
-    carrier_utilisation: float  # share of the time outside the queue, 0 to 1
+    #: How long a picker stands until it has an empty bin, by the mean.
+    picker_waiting_seconds: float
+    #: Share of the time outside the queue, 0 to 1.
+    carrier_utilisation: float
     # What this policy and route allow without traffic, whatever the seed: orchard.report.limits.
     bound_bins_per_hour: float
     bottleneck: str
@@ -91,11 +92,8 @@ class Row:
     #: The same without an interval: one run tells it. None: this is the best mean, or it jammed.
     behind: float | None = None
     check: Check | None = None
-    proven_seconds: float | None = (
-        # No harvest without traffic is shorter; None: it is not about harvests, or nothing is
-        # proven.
-        None
-    )
+    #: No harvest without traffic is shorter; None: it is not about harvests, or nothing is proven.
+    proven_seconds: float | None = None
     #: What is paid for what, for a bin, by the mean: the names of `orchard.report.costs.PAYMENTS`.
     paid: dict[str, float] = field(default_factory=dict)
     #: How many of the replications were done by the deadline; None: there is none.
@@ -106,8 +104,10 @@ class Row:
 class StudyResult:
     """The whole answer. `orchard study --summary` writes it as JSON, with these names."""
 
-    answer: str  # two sentences
-    orchard: str  # what of it does not vary, in words
+    #: In two sentences.
+    answer: str
+    #: What of it does not vary, in words.
+    orchard: str
     # Of the settings that are as good as the best mean, that with the fewest robots; None: all
     # jammed.
     best: dict[str, Any] | None
@@ -115,23 +115,26 @@ class StudyResult:
     goal: Goal
     horizon: Horizon
     confidence: float  # 0.95
-    within: float  # a difference below this share is worth nothing: 0.02
+    #: A difference below this share is worth nothing: 0.02.
+    within: float
     scenario: dict[str, Any]
-    varied: dict[str, list[Any]]  # what varies -> its values, in the order of the command line
+    #: What varies -> its values, in the order of the command line.
+    varied: dict[str, list[Any]]
     wall_seconds: float
-    stopped_by: StoppedBy  # why no more replications were made
-    undecided: list[dict[str, Any]]  # settings that more runs may show to be the answer
+    #: Why no more replications were made.
+    stopped_by: StoppedBy
+    #: Settings that more runs may show to be the answer.
+    undecided: list[dict[str, Any]]
     #: About how much longer that takes, or a run of each setting that has none. None: longer than a
     #: study goes on, or nothing is undecided.
     seconds_needed: float | None
-    beyond: dict[
-        str, Any
-    ]  # values that were not tried, and may be better, because the best is the last one that was
-    notes: list[
-        str
-    ]  # what the budget did not allow, what jammed, where fast and full model disagree
+    #: Key -> a value that was not tried, and may be better: the best has the last one that was.
+    beyond: dict[str, Any]
+    #: What the budget did not allow, what jammed, where fast and full model disagree.
+    notes: list[str]
     version: str
-    violations: list[str] = field(default_factory=list)  # of invariants, in full runs
+    #: Of invariants, in full runs.
+    violations: list[str] = field(default_factory=list)
     #: Settings that are asked for, and have no run yet. One of them may be the best.
     not_run: list[dict[str, Any]] = field(default_factory=list)
     #: The keys with several values that nobody chooses. Then `best` is None: each combination of
@@ -146,7 +149,37 @@ class StudyResult:
 
     @property
     def best_row(self) -> Row | None:
-        return next((row for row in self.table if row.setting == self.best), None)
+        """The row of the answer; None if there is no answer."""
+        if self.best is None:
+            return None
+        return self.row_of(self.best)
+
+    def row_of(self, setting: dict[str, Any]) -> Row | None:
+        """Return the row of a setting; None if the table has none."""
+        for row in self.table:
+            if row.setting == setting:
+                return row
+        return None
+
+    @property
+    def equal_settings(self) -> list[dict[str, Any]]:
+        """The settings that are as good as the best mean, for certain."""
+        return [row.setting for row in self.table if row.standing == "equal"]
+
+    @property
+    def settings_asked(self) -> list[dict[str, Any]]:
+        """The settings of the table, then those without a run."""
+        return [*(row.setting for row in self.table), *self.not_run]
+
+    @property
+    def has_costs(self) -> bool:
+        """Whether what a bin costs is known of a setting."""
+        return any(row.cost_per_bin is not None for row in self.table)
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether the budget or the user ended the study before its answer was certain."""
+        return self.stopped_by in ("budget", "stopped")
 
     @property
     def best_rows(self) -> list[Row]:

@@ -40,11 +40,14 @@ from orchard.report.metrics import HarvestFigures, harvest_figures
 from orchard.sim.engine import Engine
 from orchard.study.result import Horizon, Model
 
-LEAST_RATE = 1e-6  # bins an hour; the limits are for what comes from a store
+# Bins an hour; the limits are for what comes from a store.
+LEAST_RATE = 1e-6
 Amount = Annotated[float, Meta(ge=0.0, lt=1e12)]
-WORK = 2.0  # of the solver for a bound: at most some 8 s
+# Of the solver for a bound: at most some 8 s.
+WORK = 2.0
 Ended = Literal["harvested", "jammed", "violated"]
 
+# Packages that, with two files, decide what a run gives.
 DECIDING = (
     "behaviour",
     "contract",
@@ -56,7 +59,7 @@ DECIDING = (
     "plans",
     "report",
     "sim",
-)  # packages that, with two files, decide what a run gives
+)
 # Keys of the scenario: the seed has a column of its own, and the others change no run.
 NOT_DECIDING = (
     "seed",
@@ -80,23 +83,23 @@ class PlannedRun:
 
     @cached_property
     def key(self) -> str:
-        """The digest of all that decides what the run gives: scenario, seed, model, horizon,
-        software, own classes.
-        """
-        return digest(
-            self.scenario_digest,
-            self.scenario.seed,
-            self.model,
-            self.horizon,
-            software(),
-            self.own_source,
+        """The digest of all that decides what the run gives."""
+        return key_of_run(
+            scenario=self.scenario_digest,
+            seed=self.scenario.seed,
+            model=self.model,
+            horizon=self.horizon,
+            version=software(),
+            own_source=self.own_source,
         )
 
     @cached_property
     def own_source(self) -> str:
         """The digest of the files of own classes; '' if there are none. Raises ScenarioError."""
         classes = self.scenario.own_classes
-        return digest(*own_source(tuple(classes.items()))) if classes else ""
+        if not classes:
+            return ""
+        return digest(*own_source(tuple(classes.items())))
 
     @cached_property
     def scenario_digest(self) -> str:
@@ -145,15 +148,25 @@ class RunResult:
     bins_per_hour: Amount = 0.0
     picker_waiting_seconds: Amount = 0.0
     carrier_utilisation: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
-    bound_bins_per_hour: Annotated[
-        float, Meta(ge=LEAST_RATE, lt=1e12)
-    ]  # by `bottleneck`, without traffic: of its own rows; of a long run, of rows of mean times
+    # By `bottleneck`, without traffic: of its own rows; of a long run, of rows of mean times.
+    bound_bins_per_hour: Annotated[float, Meta(ge=LEAST_RATE, lt=1e12)]
     bottleneck: str
     ended: Ended
-    violations: str = ""  # a line for each
+    # A line for each.
+    violations: str = ""
     # A line for each: of own classes, refused orders and broken agents; why a run by the fast model
     # jammed.
     faults: str = ""
+
+    @property
+    def is_jammed(self) -> bool:
+        """Whether robots waited for ever, so that the harvest did not end."""
+        return self.ended == "jammed"
+
+    @property
+    def first_fault(self) -> str:
+        """The first line of `faults`. Raises IndexError if there is none."""
+        return self.faults.splitlines()[0]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,26 +174,36 @@ class RunRecord(RunResult):
     """A run and how it went, flat: one row of the store."""
 
     key: str
-    scenario: str  # digest of all of it that decides what runs give, but for the seed
+    # The digest of all of it that decides what runs give, but for the seed.
+    scenario: str
     seed: int
     model: Model
     horizon: Horizon
     policy: str
-    own_source: str  # digest of the files of own classes; '' if there are none
+    # The digest of the files of own classes; '' if there are none.
+    own_source: str
     version: str
     wall_seconds: Amount
 
     @property
     def counted_bins(self) -> int | None:
         """The bins of a whole harvest; None of a long run, which is a part of one."""
-        return self.bins if self.horizon == "harvest" else None
+        if self.horizon == "long":
+            return None
+        return self.bins
 
     def __post_init__(self) -> None:
-        if self.ended != "jammed" and self.bins_per_hour < LEAST_RATE:
+        if not self.is_jammed and self.bins_per_hour < LEAST_RATE:
             raise ValueError(f"bins_per_hour = {self.bins_per_hour} of a run that has not jammed")
-        if self.key != digest(
-            self.scenario, self.seed, self.model, self.horizon, self.version, self.own_source
-        ):
+        key = key_of_run(
+            scenario=self.scenario,
+            seed=self.seed,
+            model=self.model,
+            horizon=self.horizon,
+            version=self.version,
+            own_source=self.own_source,
+        )
+        if self.key != key:
             raise ValueError("these are not the values of the run with its key")
 
 
@@ -192,16 +215,25 @@ class RunFailed(Exception):
 
 def do(run: PlannedRun, until: float) -> RunRecord | None:
     """Do a run in a worker: see `PlannedRun.do`. Raises RunFailed."""
-    which = f"seed {run.scenario.seed}, {run.model} model, {run.scenario.dispatch}"
+    name = f"seed {run.scenario.seed}, {run.model} model, {run.scenario.dispatch}"
     try:
         return run.do(until)
     except PolicyFault as fault:
-        raise RunFailed(f"{which}: {fault}") from None
-    except MISTAKES as error:  # SystemExit too: it would end the study, and say nothing
+        raise RunFailed(f"{name}: {fault}") from None
+    # SystemExit is among them: it would end the study, and say nothing.
+    except MISTAKES as error:
         reraise_ctrl_c(error)
         raise RunFailed(
-            f"{which}: {type(error).__name__}: {text_of(error)}{place_of_error(error)}"
+            f"{name}: {type(error).__name__}: {text_of(error)}{place_of_error(error)}"
         ) from None
+
+
+def key_of_run(
+    *, scenario: str, seed: int, model: Model, horizon: Horizon, version: str, own_source: str
+) -> str:
+    """Return the key of a run. `scenario`, `own_source`: digests; `version`: of the software."""
+    parts = (scenario, seed, model, horizon, version, own_source)
+    return digest(*parts)
 
 
 def digest(*parts: object) -> str:
@@ -215,16 +247,17 @@ def software() -> str:
     "0.1.0+1f3a9c2b".
     """
     root = Path(inspect.getfile(orchard)).parent
-    files = [
-        root / "local.py",
-        Path(__file__),
-        *(path for package in DECIDING for path in sorted((root / package).rglob("*.py"))),
-    ]
-    content = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
-    release = "clone"  # not installed, as `run.py` allows
+    files = [root / "local.py", Path(__file__)]
+    for package in DECIDING:
+        files += sorted((root / package).rglob("*.py"))
+    content = hashlib.sha256()
+    for file in files:
+        content.update(file.read_bytes())
+    # `run.py` allows that it is not installed.
+    release = "clone"
     with suppress(PackageNotFoundError):
         release = version("orchard-sim")
-    return f"{release}+{content[:8]}"
+    return f"{release}+{content.hexdigest()[:8]}"
 
 
 # -- the models
@@ -235,7 +268,9 @@ def _fast(scenario: Scenario, horizon: Horizon) -> RunResult:
     layout = lay_out(scenario)
     bounds = Bounds(layout)
     is_long = horizon == "long"
-    limit = limit_of_question(scenario) if is_long else bounds
+    limit = bounds
+    if is_long:
+        limit = limit_of_question(scenario)
     known: dict[str, Any] = {
         "bound_bins_per_hour": limit.bins_per_hour,
         "bottleneck": limit.bottleneck,
@@ -303,7 +338,9 @@ def _end_of(engine: Engine, violations: Sequence[str]) -> Ended:
     """Return how a harvest in the simulator has ended."""
     if violations:
         return "violated"
-    return "harvested" if engine.over else "jammed"
+    if engine.over:
+        return "harvested"
+    return "jammed"
 
 
 def _faults(summary: dict[str, Any]) -> list[str]:
@@ -319,54 +356,85 @@ def _faults(summary: dict[str, Any]) -> list[str]:
 
 @cache
 def own_source(classes: tuple[tuple[str, str], ...]) -> tuple[bytes, ...]:
-    """Return the files of own classes, and the user's files that these import: a run is known while
-    these stay the same.
+    """Return the content of the files of own classes, and of the user's files that these import.
+
+    A run is known while these stay the same.
     """
     for key, path in classes:
-        load_plugin(key if key in Scenario.model_fields else f"agents.{key}", path)
-    files: dict[str, bytes] = {}
-    left = [path.replace(":", ".").rpartition(".")[0] for _, path in classes]
-    packages = {
-        module.partition(".")[0] for module in left
-    }  # one that is installed as a library is the user's too
-    while left:
-        name = left.pop()
-        file = _file(name, packages)
-        if file is not None and name not in files:
-            files[name] = file.read_bytes()
-            left += _imported(
-                files[name], name if file.stem == "__init__" else name.rpartition(".")[0]
-            )
-    return tuple(files[name] for name in sorted(files))
+        field = key
+        if key not in Scenario.model_fields:
+            field = f"agents.{key}"
+        load_plugin(field, path)
+    modules = [path.replace(":", ".").rpartition(".")[0] for _, path in classes]
+    # The package of an own class that is installed as a library is the user's too.
+    packages = {_top_package(module) for module in modules}
+    contents: dict[str, bytes] = {}
+    while modules:
+        module = modules.pop()
+        file = _file(module, packages)
+        if file is not None and module not in contents:
+            contents[module] = file.read_bytes()
+            modules += _imported(contents[module], _package_of(module, file))
+    return tuple(contents[module] for module in sorted(contents))
 
 
-def _file(name: str, packages: set[str]) -> Path | None:
-    """The file of a module if it is the user's.
+def _top_package(module: str) -> str:
+    return module.partition(".")[0]
+
+
+def _package_of(module: str, file: Path) -> str:
+    """Return the package of a module: to it the dots of an import refer."""
+    if file.stem == "__init__":
+        return module
+    return module.rpartition(".")[0]
+
+
+def _file(module: str, packages: set[str]) -> Path | None:
+    """Return the file of a module if it is the user's. `packages`: those that are.
 
     A library is not even looked into, because that would import it.
     """
-    whole = name.partition(".")[0]
+    package = _top_package(module)
     with suppress(ImportError, ValueError):
-        top = find_spec(whole)
-        if top is not None and (whole in packages or top.origin is None or is_own(top.origin)):
-            found = find_spec(name)
-            return (
-                Path(found.origin)
-                if found and found.origin and found.origin.endswith(".py")
-                else None
-            )
+        top = find_spec(package)
+        if top is None:
+            return None
+        if package in packages or top.origin is None or is_own(top.origin):
+            origin = _origin(module)
+            if origin.endswith(".py"):
+                return Path(origin)
     return None
 
 
+def _origin(module: str) -> str:
+    """Return from where a module would be loaded; '' for one that is not there.
+
+    Raises ImportError or ValueError.
+    """
+    spec = find_spec(module)
+    if spec is None or spec.origin is None:
+        return ""
+    return spec.origin
+
+
 def _imported(source: bytes, package: str) -> Iterator[str]:
-    names: list[str] = []
+    """Yield what a source may import: each name with its packages, as a, a.b and a.b.c."""
     for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Import):
-            names += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            with suppress(
-                ImportError
-            ):  # of no package: such an import fails, and the module may do without
-                whole = resolve_name("." * node.level + (node.module or ""), package)
-                names += [whole, *(f"{whole}.{alias.name}" for alias in node.names)]
-    return (part for name in names for part in accumulate(name.split("."), "{}.{}".format))
+        for name in _names_imported(node, package):
+            yield from accumulate(name.split("."), "{}.{}".format)
+
+
+def _names_imported(node: ast.AST, package: str) -> Iterator[str]:
+    """Yield the names that a statement may import. `package`: in which it stands."""
+    if isinstance(node, ast.Import):
+        for alias in node.names:
+            yield alias.name
+    elif isinstance(node, ast.ImportFrom):
+        try:
+            module = resolve_name("." * node.level + (node.module or ""), package)
+        except ImportError:
+            # It leads out of all packages. Such an import fails, and the module may do without.
+            return
+        yield module
+        for alias in node.names:
+            yield f"{module}.{alias.name}"

@@ -6,7 +6,7 @@ Here stands what `--vary KEY=VALUES` means, and which numbers of carriers an ope
 import json
 import re
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import product
@@ -25,7 +25,8 @@ from orchard.report.limits import full_bins, limit_of_question
 from orchard.terminal.values import value_of
 
 MOST_SETTINGS = 10_000
-MOST_NAMED = 3  # values that have one fault
+# Values that have one fault.
+MOST_NAMED = 3
 SEED = "seed"
 CARRIERS = "carriers"
 
@@ -46,9 +47,16 @@ class Setting:
         """The setting as a user would type it: "carriers=9, dispatch=predictive"."""
         parts = []
         for key, value in self.values.items():
-            text = value if isinstance(value, str) else show(value)
-            parts.append(f"{key}={text}")
+            if isinstance(value, str):
+                parts.append(f"{key}={value}")
+            else:
+                parts.append(f"{key}={show(value)}")
         return ", ".join(parts)
+
+    @property
+    def robots(self) -> int:
+        """How many pickers and carriers there are."""
+        return self.scenario.pickers + self.scenario.carrier_count
 
     @property
     def is_random(self) -> bool:
@@ -59,6 +67,12 @@ class Setting:
         has_chance = bool(scenario.own_classes) or any(guests)
         has_noise = scenario.laser.noise > 0.0 or not scenario.sensors.are_exact
         return scenario.work_is_drawn or has_chance or has_noise
+
+    def seeds_that_differ(self, count: int) -> int:
+        """Return how many of so many seeds can give a result of their own."""
+        if self.is_random:
+            return count
+        return 1
 
     @cached_property
     def limit(self) -> Bounds:
@@ -104,6 +118,20 @@ class Setting:
         if not self.has_prices:
             return None
         return sum(self.payments(bins_per_hour, bins).values())
+
+
+def have_prices(settings: Iterable[Setting]) -> bool:
+    """Whether each of these settings says what something costs."""
+    return all(setting.has_prices for setting in settings)
+
+
+def is_possible(scenario: Scenario, changes: Mapping[str, Any]) -> bool:
+    """Whether a scenario can have these values. `changes`: dotted path -> value."""
+    try:
+        with_changes(scenario, **changes)
+    except ScenarioError:
+        return False
+    return True
 
 
 class VaryError(ValueError):
@@ -235,21 +263,26 @@ class _Faults:
         """Whether the value of a problem is named too. `known`: those that are named already."""
         if problem.text.startswith("unknown key"):
             return False
+        if problem.path in self._varied:
+            return problem.value not in known
         # A problem of no key that varies names one setting, with one value.
-        return problem.value not in known if problem.path in self._varied else not known
+        return not known
 
     def problems(self) -> list[Problem]:
         """Return all problems, in the order in which they came."""
-        return [
-            replace(problem, value=_together(self._values[key]))
-            for key, problem in self._problems.items()
-        ]
+        problems = []
+        for key, problem in self._problems.items():
+            problems.append(replace(problem, value=_together(self._values[key])))
+        return problems
 
 
 def _together(values: Sequence[str]) -> str:
     """Return some values that have one fault, and how many more have it."""
+    words = ", ".join(values[:MOST_NAMED])
     more = len(values) - MOST_NAMED
-    return ", ".join(values[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+    if more > 0:
+        words += f" and {more} more"
+    return words
 
 
 def _unusable(varied: Mapping[str, Sequence[Any]]) -> list[Problem]:
@@ -302,7 +335,8 @@ ALL_IT_TAKES: Mapping[str, Sequence[Any]] = MappingProxyType({CARRIERS: ()})
 # Times the number in question, between which numbers are tried.
 FEWER = 0.5
 MORE = 1.5
-STEPS = 4  # in which they come up to that number; those next to the answer follow
+# In which they come up to that number; those next to the answer follow.
+STEPS = 4
 
 
 def most_carriers(scenario: Scenario) -> int:
@@ -313,11 +347,7 @@ def most_carriers(scenario: Scenario) -> int:
 
 def _lacks_room(scenario: Scenario, carriers: int) -> bool:
     """Whether the orchard has no room for so many carriers."""
-    try:
-        with_changes(scenario, carriers=carriers)
-    except ScenarioError:
-        return True
-    return False
+    return not is_possible(scenario, {CARRIERS: carriers})
 
 
 def is_open(varied: Mapping[str, Sequence[Any]]) -> bool:
@@ -327,10 +357,15 @@ def is_open(varied: Mapping[str, Sequence[Any]]) -> bool:
 
 def numbered(scenario: Scenario, varied: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
     """Return what varies, with the numbers of carriers with which an open study begins."""
-    known = {key: list(values) for key, values in varied.items()}
+    known = as_lists(varied)
     if is_open(varied):
         known[CARRIERS] = first_numbers(scenario)
     return known
+
+
+def as_lists(varied: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
+    """Return a copy of what varies, with lists of its own."""
+    return {key: list(values) for key, values in varied.items()}
 
 
 def first_numbers(scenario: Scenario) -> list[int]:
@@ -357,7 +392,9 @@ def more_numbers(tried: Sequence[int], answer: int, most: int) -> list[int]:
     Each halves the gap below the answer. When there is no gap, the number above follows.
     """
     below = max((number for number in tried if number < answer), default=0)
-    neighbour = answer + 1 if answer - below == 1 else (below + answer) // 2
+    neighbour = (below + answer) // 2
+    if answer - below == 1:
+        neighbour = answer + 1
     further = range(max(tried), ceil(MORE * answer) + 1, max(1, answer // STEPS))
     wanted = {neighbour, *further}
     return sorted(number for number in wanted - set(tried) if 1 <= number <= most)

@@ -19,12 +19,14 @@ def spread(varied: Mapping[str, Sequence[Any]], settings: Sequence[Mapping[str, 
     The corners of all ranges come first. Each further round halves the gaps of the rounds before.
     `varied`: key -> all its values; `settings`: the values of each setting by key.
     """
-    rounds = {key: _rounds(values) for key, values in varied.items()}
+    rounds_of_keys = {key: _rounds(values) for key, values in varied.items()}
 
     def place(number: int) -> tuple[int, int, int]:
-        setting = settings[number]
-        of_keys = [rounds[key][list(varied[key]).index(setting[key])] for key in varied]
-        return max(of_keys, default=0), sum(of_keys), number
+        rounds = []
+        for key, values in varied.items():
+            value_number = list(values).index(settings[number][key])
+            rounds.append(rounds_of_keys[key][value_number])
+        return max(rounds, default=0), sum(rounds), number
 
     return sorted(range(len(settings)), key=place)
 
@@ -34,10 +36,9 @@ def _rounds(values: Sequence[Any]) -> list[int]:
     number.
     """
     rounds = [0] * len(values)
-    in_order = sorted(
-        (number for number, value in enumerate(values) if is_number(value)),
-        key=lambda number: values[number],
-    )
+    # The places of the numbers among the values, from the least to the greatest number.
+    in_order = [place for place, value in enumerate(values) if is_number(value)]
+    in_order.sort(key=lambda place: values[place])
     gaps = [(0, len(in_order) - 1)]
     next_round = 1
     while gaps:
@@ -63,4 +64,6 @@ def number_beyond(values: Sequence[Any], value: Any) -> Any:
     step = min(after - before for before, after in pairwise(numbers))
     if value == numbers[-1]:
         return value + step
-    return value - step if value == numbers[0] else None
+    if value == numbers[0]:
+        return value - step
+    return None

@@ -16,8 +16,12 @@ import msgspec
 from orchard.folders import regular
 from orchard.study.runs import RunRecord, software
 
-APPLICATION = 0x4F524348  # "ORCH": in the file's head, it tells a store from other databases
-PATIENCE = 30.0  # s to wait for another study that writes to the same store
+# "ORCH": in the file's head, it tells a store from other databases.
+APPLICATION = 0x4F524348
+# s to wait for another study that writes to the same store.
+PATIENCE = 30.0
+# Of a statement; SQLite allows so many everywhere.
+MOST_PARAMETERS = 500
 COLUMNS = [field.name for field in fields(RunRecord)]
 
 
@@ -43,38 +47,38 @@ class Store:
         `anew`: forget the runs of a store of another version. Raises StoreError.
         """
         self.path = path
-        self.damaged: dict[
-            str, str
-        ] = {}  # key of a run that was asked for, and cannot be what a run gave -> why
+        # Key of a run that was asked for, and that cannot be what a run gave -> why.
+        self.damaged: dict[str, str] = {}
         try:
             self._prepare(anew)
             self._database = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
             self._database.execute("PRAGMA journal_mode = WAL")
             self._database.text_factory = _text
         except (OSError, sqlite3.Error) as error:
-            raise StoreError(
-                f"{path}: cannot be used as a store: {getattr(error, 'strerror', None) or error}"
-            ) from None
+            why = getattr(error, "strerror", None) or error
+            raise StoreError(f"{path}: cannot be used as a store: {why}") from None
 
     def _prepare(self, anew: bool) -> None:
         """Make the file if there is none, or one of another version that may be forgotten."""
         if not self.path.exists():
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            made = self._made()
+            empty = self._made()
             with suppress(FileExistsError):
-                os.link(made, self.path)
-            made.unlink()
-        if fault := fault_of(self.path, anew):
+                os.link(empty, self.path)
+            empty.unlink()
+        fault = fault_of(self.path, anew)
+        if fault:
             raise StoreError(f"{self.path}: {fault}")
         if _version(self.path) != software():
-            made = self._made()
+            empty = self._made()
             for rest in ("-wal", "-shm"):
                 self.path.with_name(self.path.name + rest).unlink(missing_ok=True)
-            made.replace(self.path)
+            empty.replace(self.path)
 
     def _made(self) -> Path:
-        """Write an empty store under another name, to be put in its place: no study sees half of
-        one.
+        """Write an empty store under another name, and return its path.
+
+        It is put in its place when it is whole, so that no study sees half of one.
         """
         half = self.path.with_name(f"{self.path.name}.{os.getpid()}")
         try:
@@ -87,14 +91,17 @@ class Store:
 
     def _fill(self, half: Path) -> None:
         """Write an empty store into a new file."""
-        columns = ", ".join(
-            f"{name} PRIMARY KEY" if name == "key" else f"{name} NOT NULL" for name in COLUMNS
-        )
+        columns = []
+        for name in COLUMNS:
+            if name == "key":
+                columns.append(f"{name} PRIMARY KEY")
+            else:
+                columns.append(f"{name} NOT NULL")
         with closing(sqlite3.connect(half, isolation_level=None)) as database:
             database.execute(f"PRAGMA application_id = {APPLICATION}")
             database.execute("CREATE TABLE software (version TEXT NOT NULL)")
             database.execute("INSERT INTO software VALUES (?)", (software(),))
-            database.execute(f"CREATE TABLE runs ({columns})")
+            database.execute(f"CREATE TABLE runs ({', '.join(columns)})")
 
     def __enter__(self) -> "Store":
         return self
@@ -108,18 +115,19 @@ class Store:
         A damaged one is noted in `damaged`. Raises StoreFailed.
         """
         wanted = list(keys)
-        found: dict[str, RunRecord] = {}
-        for begin in range(0, len(wanted), 500):  # SQLite allows so many parameters everywhere
-            some = wanted[begin : begin + 500]
+        records: dict[str, RunRecord] = {}
+        for begin in range(0, len(wanted), MOST_PARAMETERS):
+            some = wanted[begin : begin + MOST_PARAMETERS]
             rows = self._do(
                 "SELECT {} FROM runs WHERE key IN ({})", some, "the runs in it cannot be read"
             )
-            for values in (dict(zip(COLUMNS, row, strict=True)) for row in rows):
+            for row in rows:
+                values = dict(zip(COLUMNS, row, strict=True))
                 try:
-                    found[values["key"]] = msgspec.convert(values, RunRecord)
+                    records[values["key"]] = msgspec.convert(values, RunRecord)
                 except msgspec.ValidationError as error:
                     self.damaged[values["key"]] = str(error)
-        return found
+        return records
 
     def keep(self, record: RunRecord) -> None:
         """Keep a run, in place of one with its key, which was damaged or the same.
@@ -133,21 +141,26 @@ class Store:
         )
 
     def _do(self, statement: str, values: list[Any], fault: str) -> list[tuple[Any, ...]]:
+        """Execute a statement, and return its rows. Raises StoreFailed with this fault.
+
+        `statement`: with a place for the names of the columns, and one for a `?` a value.
+        """
+        columns = ", ".join(COLUMNS)
+        places = ", ".join("?" * len(values))
         try:
-            return self._database.execute(
-                statement.format(", ".join(COLUMNS), ", ".join("?" * len(values))), values
-            ).fetchall()
+            return self._database.execute(statement.format(columns, places), values).fetchall()
         except sqlite3.Error as error:
             raise StoreFailed(f"{self.path}: {fault}: {error}") from None
 
 
 def fault_of(path: Path, anew: bool) -> str:
     """Return why a file cannot be the store of a study; '' if it can. The file is only read."""
-    if (other := _version(path)) is None:
+    version = _version(path)
+    if version is None:
         return "is no store of a study; it stays as it is; name another file with --out"
-    if other != software() and not anew:
+    if version != software() and not anew:
         return (
-            f"is a store of version {other}, and this is {software()}; --anew forgets its runs,"
+            f"is a store of version {version}, and this is {software()}; --anew forgets its runs,"
             " --out names another file"
         )
     return ""
@@ -161,13 +174,15 @@ def _text(content: bytes) -> str | bytes:
 
 
 def _version(path: Path) -> str | None:
+    """Return of which version a store is; None if the file is none, or cannot be read."""
     try:
-        with closing(
-            sqlite3.connect(f"{regular(path).absolute().as_uri()}?mode=ro&immutable=1", uri=True)
-        ) as database:
+        address = f"{regular(path).absolute().as_uri()}?mode=ro&immutable=1"
+        with closing(sqlite3.connect(address, uri=True)) as database:
             if database.execute("PRAGMA application_id").fetchone() != (APPLICATION,):
                 return None
-            found = database.execute("SELECT version FROM software").fetchone()
-            return None if found is None else str(found[0])
+            row = database.execute("SELECT version FROM software").fetchone()
     except (OSError, sqlite3.Error):
         return None
+    if row is None:
+        return None
+    return str(row[0])

@@ -1,7 +1,7 @@
 """A study: which of many settings of a scenario is best, by how much, and with what confidence."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import fmean
 from typing import Any
@@ -24,7 +24,6 @@ from orchard.study.result import (
     Check,
     Goal,
     Interval,
-    Model,
     Row,
     Standing,
     StoppedBy,
@@ -35,7 +34,10 @@ from orchard.study.settings import (
     ALL_IT_TAKES,
     CARRIERS,
     Setting,
+    as_lists,
+    have_prices,
     is_open,
+    is_possible,
     more_numbers,
     most_carriers,
     numbered,
@@ -118,7 +120,7 @@ class _Study:
         self.begun = time.time()
         self.reported_at = 0.0
         self.goal: Goal = self.options.goal or _goal_of(self.settings)
-        self.model: Model = "full" if self.options.model == "full" else "fast"
+        self.model = self.options.first_model
         self.runs = Replications(
             self.settings,
             self.goal,
@@ -128,17 +130,20 @@ class _Study:
             heard=self._report,
             is_stopped=self.is_stopped,
         )
-        several = {key for key, values in self.varied.items() if len(values) > 1}
-        if self.is_open:
-            several.add(CARRIERS)
         # The keys that vary and that nobody chooses: settings are compared where they are the same.
         self.circumstances = []
+        choices = []
         for key, values in self.varied.items():
-            if key in several and not is_choice(Scenario, key, values):
+            is_compared = len(values) > 1 or (self.is_open and key == CARRIERS)
+            if is_compared and is_choice(Scenario, key, values):
+                choices.append(key)
+            elif is_compared:
                 self.circumstances.append(key)
-        self.has_choices = several > set(self.circumstances) or not self.circumstances
-        # For how many carriers the orchard has room.
-        self.most = most_carriers(self.scenario) if self.is_open else 0
+        self.has_choices = bool(choices) or not self.circumstances
+        # For how many carriers the orchard has room; 0 if nothing depends on it.
+        self.most = 0
+        if self.is_open:
+            self.most = most_carriers(self.scenario)
         self.checks: dict[int, Check] = {}
         # Setting -> what is proven of its shortest harvest, s.
         self.proven: dict[int, float | None] = {}
@@ -147,11 +152,12 @@ class _Study:
 
     def run(self) -> StudyResult:
         """Do all that the budget allows, and return the answer."""
-        confirms = self.options.model == "both" and self.options.horizon == "harvest"
-        fast_share = FAST_SHARE if confirms else 1.0
+        fast_share = 1.0
+        if self.options.confirms:
+            fast_share = FAST_SHARE
         self.stopped_by = self._replicate_until(self._end_of(fast_share))
         comparisons = self._compared()
-        if confirms and comparisons and not self.runs.is_stopped():
+        if self.options.confirms and comparisons and not self.runs.is_stopped():
             self._confirm(comparisons)
         if self.options.horizon == "harvest":
             for comparison in comparisons:
@@ -202,11 +208,20 @@ class _Study:
         """
         for look in (1, *LOOKS):
             if not self._replicate(look, until):
-                return "stopped" if self.runs.is_stopped() else "budget"
-            comparisons = self._compared()
-            if not any(known.undecided or self._is_wide(known) for known in comparisons):
+                return self._why_cut()
+            if all(map(self._is_certain, self._compared())):
                 return "certain"
         return "seeds"
+
+    def _why_cut(self) -> StoppedBy:
+        """Return why not all replications are done."""
+        if self.runs.is_stopped():
+            return "stopped"
+        return "budget"
+
+    def _is_certain(self, comparison: Comparison) -> bool:
+        """Whether no more runs are needed for a comparison."""
+        return not comparison.undecided and not self._is_wide(comparison)
 
     def _replicate(self, count: int, until: float) -> bool:
         """Do so many replications of all settings that do not jam. Return whether all are done."""
@@ -256,16 +271,21 @@ class _Study:
         return [i for i in range(len(self.settings)) if self._jams(i)]
 
     def _jams(self, i: int) -> bool:
-        return any(record.ended == "jammed" for record in self.runs.known(i, self.model))
+        """Whether a run of a setting jammed."""
+        return self.runs.has_jammed(i, self.model)
 
     def _alive(self) -> list[int]:
         """Return the settings that do not jam."""
         return [i for i in range(len(self.settings)) if not self._jams(i)]
 
+    def _values_of(self, settings: Iterable[int]) -> list[dict[str, Any]]:
+        """Return the values of these settings by key."""
+        return [self.settings[i].values for i in settings]
+
     def _in_order(self) -> list[int]:
         """Return the settings that do not jam, those first that tell most of the whole range."""
         alive = set(self._alive())
-        order = spread(self.varied, [setting.values for setting in self.settings])
+        order = spread(self.varied, self._values_of(range(len(self.settings))))
         return [i for i in order if i in alive]
 
     def _robots(self, i: int) -> int:
@@ -275,17 +295,16 @@ class _Study:
         """
         if self.goal == "cost_per_bin":
             return 0
-        scenario = self.settings[i].scenario
-        return scenario.pickers + scenario.carrier_count
+        return self.settings[i].robots
 
-    def _place(self, i: int, keys: Sequence[str] | None = None) -> tuple[int, ...]:
-        """Return where a setting stands in the table: in the order of the values of these keys.
+    def _place(self, i: int) -> tuple[int, ...]:
+        """Return where a setting stands in the table: in the order of the values of all keys."""
+        return self._place_by(self.varied, i)
 
-        None: of all keys.
-        """
+    def _place_by(self, keys: Iterable[str], i: int) -> tuple[int, ...]:
+        """Return where a setting stands by the values of these keys alone."""
         values = self.settings[i].values
-        asked = self.varied if keys is None else keys
-        return tuple(self.varied[key].index(values[key]) for key in asked)
+        return tuple(self.varied[key].index(values[key]) for key in keys)
 
     # -- what the runs tell
 
@@ -299,25 +318,34 @@ class _Study:
         counts = []
         groups: dict[tuple[int, ...], list[int]] = {}
         for i in shown:
-            groups.setdefault(self._place(i, self.circumstances), []).append(i)
+            groups.setdefault(self._place_by(self.circumstances, i), []).append(i)
             if self.settings[i].is_random:
                 counts.append(len(self.runs.known(i, self.model)))
             else:
                 without_chance.append(i)
         count = min(counts, default=1)
-        return [
-            compare(
-                {i: self.runs.sample(i, self.model, count) for i in group},
-                robots={i: self._robots(i) for i in group},
+        comparisons = []
+        for _, group in sorted(groups.items()):
+            samples = {}
+            robots = {}
+            limits = {}
+            for i in group:
+                samples[i] = self.runs.sample(i, self.model, count)
+                robots[i] = self._robots(i)
+                if self._has_limit(i):
+                    limits[i] = self._limit(i, count)
+            comparison = compare(
+                samples,
+                robots=robots,
                 is_max=self.goal == "bins_per_hour",
                 confidence=self.options.confidence,
                 within=self.options.within,
                 without_chance=without_chance,
-                limits={i: self._limit(i, count) for i in group if self._has_limit(i)},
+                limits=limits,
                 intervals=len(shown) - len(groups),
             )
-            for _, group in sorted(groups.items())
-        ]
+            comparisons.append(comparison)
+        return comparisons
 
     def _has_limit(self, i: int) -> bool:
         """Whether no run of a setting can exceed its limit.
@@ -344,39 +372,44 @@ class _Study:
     def _result(self) -> StudyResult:
         """Return what is known so far."""
         comparisons = self._compared()
-        compared = [i for comparison in comparisons for i in comparison.leads]
-        shown = sorted([*compared, *self.jammed], key=self._place)
+        with_runs = [*self.jammed]
+        undecided: list[int] = []
+        for comparison in comparisons:
+            with_runs += comparison.leads
+            undecided += comparison.undecided
+        shown = sorted(with_runs, key=self._place)
         missing = [i for i in range(len(self.settings)) if i not in shown]
-        best = None
         # There is no best of all circumstances.
+        best = None
+        best_values = None
         if comparisons and not self.circumstances:
             best = comparisons[0].best
-        undecided = [i for comparison in comparisons for i in comparison.undecided]
-        violations = set[str]()
-        for record in self.runs.records.values():
-            violations.update(record.violations.splitlines())
+            best_values = self.settings[best].values
+        beyond = {}
+        if not missing:
+            # Else a setting that has not run may be better than the last one that has.
+            beyond = self._beyond(comparisons)
         result = StudyResult(
             answer="",
             orchard=orchard_words(self.scenario, self.varied),
-            best=None if best is None else self.settings[best].values,
+            best=best_values,
             table=[self._row(i, comparisons) for i in shown],
             goal=self.goal,
             horizon=self.options.horizon,
             confidence=self.options.confidence,
             within=self.options.within,
             scenario=self.scenario.model_dump(),
-            varied={key: list(values) for key, values in self.varied.items()},
+            varied=as_lists(self.varied),
             wall_seconds=time.time() - self.begun,
             stopped_by=self.stopped_by,
-            undecided=[self.settings[i].values for i in undecided],
+            undecided=self._values_of(undecided),
             seconds_needed=self._seconds_needed(comparisons, missing),
-            # A setting that has not run may be better than the last one that has.
-            beyond={} if missing else self._beyond(comparisons),
+            beyond=beyond,
             notes=self._notes(comparisons, shown, missing, best),
             version=software(),
-            violations=sorted(violations),
+            violations=self.runs.violations,
             given=self.circumstances,
-            not_run=[self.settings[i].values for i in sorted(missing, key=self._place)],
+            not_run=self._values_of(sorted(missing, key=self._place)),
             break_even=self._break_even(comparisons, best),
         )
         notes = [*result.notes, *map(break_even_words, result.break_even)]
@@ -389,9 +422,7 @@ class _Study:
         count = comparisons[0].count
         known = {}
         for i in comparisons[0].leads:
-            records = self.runs.known(i, self.model)
-            # The one run of a setting without chance stands for all seeds.
-            records = records[:count] if self.settings[i].is_random else records[:1] * count
+            records = self.runs.first_records(i, self.model, count)
             known[i] = KnownSetting(self.settings[i], records)
         return break_evens(known.pop(best), list(known.values()), self.options.confidence)
 
@@ -416,10 +447,11 @@ class _Study:
         best_numbers = [self.settings[each.best].scenario.carrier_count for each in comparisons]
         if self.is_open and self.most in best_numbers:
             sentences.append(no_room(self.most))
+        scenario = self.scenario
         if best is not None:
             sentences += notes.row_ends(best)
+            scenario = self.settings[best].scenario
         if not self.circumstances:
-            scenario = self.scenario if best is None else self.settings[best].scenario
             sentences += notes.part_full(scenario)
             sentences += notes.rare_truck(scenario)
         return sentences + self.notes_of_checks + notes.damaged()
@@ -429,21 +461,26 @@ class _Study:
         records = self.runs.known(i, self.model)
         for comparison in comparisons:
             if i in comparison.leads:
-                break
-        else:
-            return row_of(self.settings[i], records, self.options.confidence)
+                row = row_of(self.settings[i], records[: comparison.count], self.options.confidence)
+                return self._compared_row(row, i, comparison)
+        return row_of(self.settings[i], records, self.options.confidence)
+
+    def _compared_row(self, row: Row, i: int, comparison: Comparison) -> Row:
+        """Return a row with what its comparison, the simulator and the proof say of it."""
         if not self.has_choices:
             standing: Standing = "alone"
         elif i == comparison.best:
             standing = "best"
         else:
             standing = comparison.standing(i)
-        row = row_of(self.settings[i], records[: comparison.count], self.options.confidence)
+        behind = None
+        if i != comparison.top:
+            behind = comparison.ahead[i]
         return replace(
             row,
             standing=standing,
             lead=comparison.leads[i],
-            behind=None if i == comparison.top else comparison.ahead[i],
+            behind=behind,
             check=self.checks.get(i),
             proven_seconds=self.proven.get(i),
         )
@@ -451,21 +488,24 @@ class _Study:
     def _seconds_needed(
         self, comparisons: Sequence[Comparison], missing: Sequence[int]
     ) -> float | None:
-        """Return how long a run of each missing setting takes, or what decides all; None:
-        unknown.
+        """Return how long a run of each missing setting takes, or else what decides all.
+
+        None: it is not known, or all is decided.
         """
-        if missing:
-            return self.runs.seconds_for(missing, self.model, 1) if comparisons else None
-        undecided = [comparison for comparison in comparisons if comparison.undecided]
-        if not undecided:
+        if missing and not comparisons:
             return None
-        needed = []
-        for comparison in undecided:
+        if missing:
+            return self.runs.seconds_for(missing, self.model, 1)
+        more = 0
+        for comparison in comparisons:
+            if not comparison.undecided:
+                continue
             replications = comparison.replications_needed()
             if replications is None:
                 return None
-            needed.append(replications)
-        more = max(needed) - undecided[0].count
+            more = max(more, replications - comparison.count)
+        if not more:
+            return None
         return self.runs.seconds_for(self._alive(), self.model, more)
 
     def _beyond(self, comparisons: Sequence[Comparison]) -> dict[str, Any]:
@@ -481,33 +521,45 @@ class _Study:
             best = self.settings[comparison.best].values
             for key in chosen:
                 following = number_beyond(self.varied[key], best[key])
-                if following is not None and self._is_possible(best | {key: following}):
+                if following is None:
+                    continue
+                if is_possible(self.scenario, best | {key: following}):
                     beyond.setdefault(key, following)
         return beyond
-
-    def _is_possible(self, values: Mapping[str, Any]) -> bool:
-        """Whether the scenario can have these values. `values`: dotted path -> value."""
-        _, problems = settings_of(self.scenario, {key: [value] for key, value in values.items()})
-        return not problems
 
 
 def _goal_of(settings: Sequence[Setting]) -> Goal:
     """Return the goal of a study without one of its own."""
-    has_prices = all(setting.has_prices for setting in settings)
-    return "cost_per_bin" if has_prices else "bins_per_hour"
+    if have_prices(settings):
+        return "cost_per_bin"
+    return "bins_per_hour"
 
 
 def row_of(setting: Setting, records: Sequence[RunRecord], confidence: float) -> Row:
     """Return the line of a setting in the table, from its runs by one model, with the standing of
     one that jams.
     """
-    jammed = sum(record.ended == "jammed" for record in records)
-    # If one run jams, the others would tell of lucky runs.
-    harvested = [] if jammed else records
-    rates = [shown_rate(setting, record) for record in harvested]
-    seconds = [record.sim_seconds for record in harvested if record.horizon == "harvest"]
-    payments = [setting.payments(record.bins_per_hour, record.counted_bins) for record in harvested]
-    costs = [sum(amounts.values()) for amounts in payments] if setting.has_prices else []
+    jammed = sum(record.is_jammed for record in records)
+    harvested = records
+    if jammed:
+        # The others would tell of lucky runs.
+        harvested = []
+    rates = []
+    seconds = []
+    costs = []
+    payments = []
+    picker_waiting = []
+    carrier_utilisations = []
+    for record in harvested:
+        rates.append(shown_rate(setting, record))
+        picker_waiting.append(record.picker_waiting_seconds)
+        carrier_utilisations.append(record.carrier_utilisation)
+        of_run = setting.payments(record.bins_per_hour, record.counted_bins)
+        payments.append(of_run)
+        if record.horizon == "harvest":
+            seconds.append(record.sim_seconds)
+        if setting.has_prices:
+            costs.append(sum(of_run.values()))
     count = max(1, len(harvested))
     return Row(
         setting=setting.values,
@@ -517,8 +569,8 @@ def row_of(setting: Setting, records: Sequence[RunRecord], confidence: float) ->
         bins_per_hour=_interval_of(rates, confidence),
         harvest_seconds=_interval_of(seconds, confidence),
         cost_per_bin=_interval_of(costs, confidence),
-        picker_waiting_seconds=sum(record.picker_waiting_seconds for record in harvested) / count,
-        carrier_utilisation=sum(record.carrier_utilisation for record in harvested) / count,
+        picker_waiting_seconds=sum(picker_waiting) / count,
+        carrier_utilisation=sum(carrier_utilisations) / count,
         bound_bins_per_hour=setting.limit.bins_per_hour,
         bottleneck=setting.limit.bottleneck,
         standing="jammed",
@@ -529,7 +581,9 @@ def row_of(setting: Setting, records: Sequence[RunRecord], confidence: float) ->
 
 def _interval_of(values: Sequence[float], confidence: float) -> Interval | None:
     """Return the interval of a mean; None without values."""
-    return interval(values, confidence) if values else None
+    if not values:
+        return None
+    return interval(values, confidence)
 
 
 def _mean_payments(payments: Sequence[Mapping[str, float]]) -> dict[str, float]:

@@ -74,8 +74,9 @@ def run_study(chosen: StudyArguments) -> int:
             if chosen.deadline is None:
                 result = study(scenario, varied, options, tell, is_stopped)
             else:
-                deadline = chosen.deadline
-                result = finish_study(scenario, varied, deadline, options, tell, is_stopped)
+                result = finish_study(
+                    scenario, varied, chosen.deadline, options, tell=tell, is_stopped=is_stopped
+                )
     _print(result, chosen.progress == "json")
     if not result.table and result.stopped_by == "budget":
         print_error("the budget is too short for one run: --budget")
@@ -84,7 +85,9 @@ def run_study(chosen: StudyArguments) -> int:
         print_error(violation)
     unwritten = list(_unwritten(_files(chosen), result))
     is_told = tell_if_lost()
-    return FAILED if result.violations or unwritten or not is_told else FINISHED
+    if result.violations or unwritten or not is_told:
+        return FAILED
+    return FINISHED
 
 
 def tell_if_lost() -> bool:
@@ -99,21 +102,20 @@ def tell_if_lost() -> bool:
 
 
 def _question(chosen: StudyArguments) -> tuple[Scenario, Varied]:
-    deadline = chosen.deadline
-    open_keys = (CARRIERS,) if deadline is None else OF_FLEETS
-    varied, problems = varied_of(chosen.vary or [CARRIERS], open_keys)
+    """Return what is asked. Raises ScenarioError with all that is wrong."""
     scenario, faults = read_scenario(chosen.scenario)
     options = _options(chosen)
-    if deadline is None:
+    words = chosen.vary or [CARRIERS]
+    if chosen.deadline is None:
+        varied, of_words = varied_of(words, (CARRIERS,))
         of_settings = checked_settings(scenario, varied, options)[1]
     else:
-        of_settings = finish_problems(scenario, varied, deadline, options)
-    problems = [
-        *chosen.problems(),
-        *problems,
-        *problems_of_files(chosen, options),
-        *(one for one in of_settings if not _may_follow(one, faults)),
-    ]
+        varied, of_words = varied_of(words, OF_FLEETS)
+        of_settings = finish_problems(scenario, varied, chosen.deadline, options)
+    problems = [*chosen.problems(), *of_words, *problems_of_files(chosen, options)]
+    for problem in of_settings:
+        if not _may_follow(problem, faults):
+            problems.append(problem)
     if problems or faults:
         raise ScenarioError([*problems, *faults])
     return scenario, varied
@@ -140,19 +142,22 @@ def _is_part(path: str, whole: str) -> bool:
 
 
 def _options(chosen: StudyArguments) -> StudyOptions:
-    values = {
-        NAMES.get(name, name): value
-        for name, value in vars(chosen).items()
-        if not isinstance(value, Problem)
-    }
+    """Return how the study is done. An option that is wrong has its default."""
+    names = {field.name for field in fields(StudyOptions)}
+    values = {}
+    for argument, value in vars(chosen).items():
+        name = NAMES.get(argument, argument)
+        if name in names and not isinstance(value, Problem):
+            values[name] = value
     if values.get("horizon") is None:
-        values["horizon"] = "long" if chosen.deadline is None else "harvest"
-    return StudyOptions(
-        **{field.name: values[field.name] for field in fields(StudyOptions) if field.name in values}
-    )
+        values["horizon"] = "long"
+        if chosen.deadline is not None:
+            values["horizon"] = "harvest"
+    return StudyOptions(**values)
 
 
 def _files(chosen: StudyArguments) -> dict[Path, Save]:
+    """Return the files that are wanted, with what writes each of them."""
     wanted: dict[Path | None, Save] = {
         chosen.summary: _save_summary,
         chosen.csv: save_csv,
@@ -173,6 +178,7 @@ def _save_by(module: str, result: StudyResult, path: Path) -> None:
 
 
 def _unwritten(files: dict[Path, Save], result: StudyResult) -> Iterator[Path]:
+    """Write all files, and yield those that cannot be written."""
     for path, save in files.items():
         try:
             save(result, path)

@@ -13,6 +13,7 @@ from rich.table import Table
 from orchard.report.costs import PAYMENTS
 from orchard.study.result import Interval, Model, Row, Standing, StudyResult
 from orchard.study.words import (
+    counted,
     interval_words,
     key_words,
     number_words,
@@ -29,6 +30,8 @@ MARKS: dict[Standing, str] = {
     "alone": "",
     "jammed": "",
 }
+# Standing -> how its row is shown in a terminal.
+STYLES: dict[Standing, str] = {"best": "bold"}
 # Sentences of the legend.
 LEGEND_OF_MARKS = (
     "* the {answer}; = within {within:g} % of the best, for certain; ? the runs do not tell."
@@ -109,7 +112,9 @@ def _behind(row: Row) -> str:
 
 def _in_time(row: Row) -> str:
     """Return how many harvests were done by the deadline; '' if there is none."""
-    return "" if row.in_time is None else f"{row.in_time} of {row.replications}"
+    if row.in_time is None:
+        return ""
+    return f"{row.in_time} of {row.replications}"
 
 
 def _interval(interval: Interval | None) -> str:
@@ -119,7 +124,9 @@ def _interval(interval: Interval | None) -> str:
 def _share_of_bound(row: Row) -> str:
     """Return which share of its bound a setting reaches; "" if all of its runs jammed."""
     share = _share(row)
-    return "" if share is None else f" ({100.0 * share:.0f}%)"
+    if share is None:
+        return ""
+    return f" ({100.0 * share:.0f}%)"
 
 
 def _share(row: Row) -> float | None:
@@ -196,23 +203,36 @@ def _cell(head: str, row: Row) -> str:
 
 def legend(result: StudyResult) -> str:
     """Return what the marks, the intervals and the columns mean."""
-    count = max((row.replications for row in result.table), default=0)
-    model = result.table[0].model if result.table else "fast"
-    has_choices = _has_choices(result)
-    of_given = _given(result)
     texts = {
         "within": 100.0 * result.within,
         "confidence": 100.0 * result.confidence,
-        "runs": "1 run" if count == 1 else f"{count} runs",
-        "model": MODELS[model],
         "deadline": result.deadline,
-        "answer": f"best for each {of_given}" if of_given else "answer",
-        "given": f" for the same {of_given}" if of_given else "",
+        "answer": "answer",
+        "given": "",
+        **_run_texts(result),
     }
+    given = " and ".join(map(key_words, result.given))
+    if given:
+        texts["answer"] = f"best for each {given}"
+        texts["given"] = f" for the same {given}"
+    return " ".join(_legend_sentences(result)).format(**texts)
+
+
+def _run_texts(result: StudyResult) -> dict[str, str]:
+    """Return how many runs of a setting there are at most, and by which model, in words."""
+    most = max((row.replications for row in result.table), default=0)
+    model: Model = "fast"
+    if result.table:
+        model = result.table[0].model
+    return {"runs": counted("runs", most), "model": MODELS[model]}
+
+
+def _legend_sentences(result: StudyResult) -> list[str]:
+    """Return the sentences of the legend, in which texts are to be filled in."""
     sentences = [LEGEND_OF_RUNS]
     if result.deadline:
         sentences = [LEGEND_OF_DEADLINE]
-    elif has_choices:
+    elif _has_choices(result):
         sentences = [LEGEND_OF_MARKS, LEGEND_OF_RUNS, LEGEND_OF_BEHIND]
     sentences.append(LEGEND_OF_COLUMNS)
     if _are_speeds_drawn(result):
@@ -221,7 +241,7 @@ def legend(result: StudyResult) -> str:
         sentences.append(LEGEND_OF_OPTIMUM)
     if any(row.check for row in result.table):
         sentences.append(LEGEND_OF_CHECK)
-    return " ".join(sentences).format(**texts)
+    return sentences
 
 
 def as_table(result: StudyResult) -> Table:
@@ -240,7 +260,7 @@ def as_table(result: StudyResult) -> Table:
             overflow="fold",
         )
     for line, row in zip(lines, result.table, strict=True):
-        table.add_row(*map(escape, line), style="bold" if row.standing == "best" else "")
+        table.add_row(*map(escape, line), style=STYLES.get(row.standing, ""))
     return table
 
 
@@ -257,11 +277,6 @@ def _are_speeds_drawn(result: StudyResult) -> bool:
 def _has_choices(result: StudyResult) -> bool:
     """Whether the settings are compared, and not only shown beside each other."""
     return all(row.standing != "alone" for row in result.table)
-
-
-def _given(result: StudyResult) -> str:
-    """Return the keys for each value of which the best setting is wanted."""
-    return " and ".join(map(key_words, result.given))
 
 
 def _unasked(result: StudyResult) -> list[str]:
@@ -285,9 +300,11 @@ def payment_lines(row: Row) -> list[tuple[str, str, str]]:
     """Return what is paid for what, by the mean: in words, its amount for a bin, and its share."""
     whole = sum(row.paid.values())
     lines = []
-    for what, amount in row.paid.items():
-        share = f"{100.0 * amount / whole:.0f} %" if whole else NONE
-        lines.append((PAYMENTS[what], number_words(amount), share))
+    for purpose, amount in row.paid.items():
+        share = NONE
+        if whole:
+            share = f"{100.0 * amount / whole:.0f} %"
+        lines.append((PAYMENTS[purpose], number_words(amount), share))
     return lines
 
 
@@ -310,15 +327,24 @@ def save_csv(result: StudyResult, path: Path) -> None:
 
     Each setting is a line, and each figure a column with its name in the study's JSON.
     """
-    lines = [dict(_flat(_figures(row))) for row in result.table]
+    lines = []
+    # The keys are the columns, in the order in which the lines bring them.
+    columns: dict[str, None] = {}
+    for row in result.table:
+        line = dict(_flat(_figures(row)))
+        lines.append(line)
+        columns |= dict.fromkeys(line)
     with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(dict.fromkeys(name for line in lines for name in line)))
+        writer = csv.DictWriter(file, list(columns))
         writer.writeheader()
         writer.writerows(lines)
 
 
 def _figures(row: Row) -> dict[str, Any]:
-    # The setting's keys are columns of their own; `_flat` leaves out what is None.
+    """Return the figures of a row by name. Those of the setting are columns of their own.
+
+    `_flat` leaves out what is None.
+    """
     return row.setting | asdict(row) | {"share_of_bound": _share(row), "setting": None}
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from orchard.field.scenario import Scenario
-from orchard.report.summary import above_optimum
+from orchard.report.summary import above_optimum, bottleneck_words
 from orchard.study.comparing import LOOKS
 from orchard.study.result import Goal, Interval, Row, StudyResult
 from orchard.study.spread import is_number
@@ -41,23 +41,26 @@ PHRASES = {
     "route": "on {}",
 }
 MOST_SECONDS = 120.0  # s: a longer time is told in minutes
-MOST_MINUTES = 120.0  # min: a longer time is told in hours
-SAME = 1e-9  # of the mean: an interval narrower than that is rounding
-NO_DIFFERENCE = 0.0005  # as a share: it would be shown as 0.0 %
-TWO_DIGITS = 2.0  # a spread that begins with a 1 keeps two digits, all others one
+# Min: a longer time is told in hours.
+MOST_MINUTES = 120.0
+# Of the mean: an interval narrower than that is rounding.
+SAME = 1e-9
+# As a share: it would be shown as 0.0 %.
+NO_DIFFERENCE = 0.0005
+# A spread that begins with a 1 keeps two digits, all others one.
+TWO_DIGITS = 2.0
 
 
 def setting_words(setting: Mapping[str, Any]) -> str:
     """Return a setting in words: '9 carriers with predictive on two-way, picking speed 0.03'."""
     counts = ", ".join(counted(key, setting[key]) for key in COUNTED if key in setting)
     choices = [words.format(setting[key]) for key, words in PHRASES.items() if key in setting]
-    named = [
-        f"{key_words(key)} {value_words(value, key)}"
-        for key, value in setting.items()
-        if key not in (*COUNTED, *PHRASES)
-    ]
-    first = " ".join(filter(None, [counts, *choices])).removeprefix("with ").removeprefix("on ")
-    return ", ".join(filter(None, [first, *named])) or "this scenario"
+    first = " ".join(filter(None, [counts, *choices]))
+    parts = [first.removeprefix("with ").removeprefix("on ")]
+    for key, value in setting.items():
+        if key not in COUNTED and key not in PHRASES:
+            parts.append(f"{key_words(key)} {value_words(value, key)}")
+    return ", ".join(filter(None, parts)) or "this scenario"
 
 
 def orchard_words(scenario: Scenario, varied: Collection[str] = ()) -> str:
@@ -79,9 +82,11 @@ def orchard_words(scenario: Scenario, varied: Collection[str] = ()) -> str:
 def _machine_words(scenario: Scenario) -> dict[str, str]:
     """Return the spacing of rows, and what machines can, in words, by the keys that say it."""
     handling = scenario.handling
-    mean = "" if scenario.survey is None else " on average"
+    row_width = f"{scenario.row_pitch:.4g} m from row to row"
+    if scenario.survey is not None:
+        row_width += " on average"
     words = {
-        "row_width": f"{scenario.row_pitch:.4g} m from row to row{mean}",
+        "row_width": row_width,
         "carrying.speed": f"carriers at {scenario.carrying.speed:g} m/s",
         "picking.driving_speed": f"pickers that drive at {scenario.picking.driving_speed:g} m/s",
         "handling.unloading": f"{handling.unloading:g} s at the bay",
@@ -119,13 +124,19 @@ def _way_words(scenario: Scenario) -> dict[str, str]:
         return {"load_out.seconds_away": f"{load_out.seconds_away:g} s away at the load-out"}
     if load_out.metres is None:
         return {}
-    way = f"a load-out {load_out.metres:g} m away, {load_out.speed:g} m/s on the way to it"
-    return {"load_out.metres": way, "load_out.seconds": f"{load_out.seconds:g} s there"}
+    return {
+        "load_out.metres": (
+            f"a load-out {load_out.metres:g} m away, {load_out.speed:g} m/s on the way to it"
+        ),
+        "load_out.seconds": f"{load_out.seconds:g} s there",
+    }
 
 
 def _rows_words(scenario: Scenario, varied: Collection[str]) -> str:
     """Return how many rows there are, how long they are, and what fills a bin."""
-    words = "rows" if "rows" in varied else f"{scenario.rows} rows"
+    words = "rows"
+    if "rows" not in varied:
+        words = f"{scenario.rows} rows"
     if scenario.survey:
         words += ", as surveyed"
     elif "row_length" not in varied:
@@ -148,7 +159,9 @@ def _rate_words(scenario: Scenario, varied: Collection[str]) -> str:
 def counted(key: str, number: object) -> str:
     """Return a number of things: '9 carriers', '1 worker'."""
     things = key.rpartition(".")[2]
-    return f"{value_words(number)} {things.removesuffix('s') if number == 1 else things}"
+    if number == 1:
+        things = things.removesuffix("s")
+    return f"{value_words(number)} {things}"
 
 
 def key_words(key: str) -> str:
@@ -158,8 +171,11 @@ def key_words(key: str) -> str:
 
 def axis_words(key: str) -> str:
     """Return the words for a key with the unit of its description: 'picking speed, m/s'."""
+    words = key_words(key)
     unit = re.search(r", (m/s|m|s)(?=;|$)", _description(key))
-    return key_words(key) + (unit.group(0) if unit else "")
+    if unit is None:
+        return words
+    return words + unit.group(0)
 
 
 def _description(key: str) -> str:
@@ -168,9 +184,9 @@ def _description(key: str) -> str:
     words = ""
     for name in key.split("."):
         is_section = isinstance(model, type) and issubclass(model, BaseModel)
-        field = model.model_fields.get(name) if is_section else None
-        if field is None:
+        if not is_section or name not in model.model_fields:
             return ""
+        field = model.model_fields[name]
         model = field.annotation
         words = field.description or ""
     return words
@@ -193,7 +209,9 @@ def none_words(description: str) -> str:
     They end a sentence of it, as after `null: never` or `null: no days`; else they are 'automatic'.
     """
     meaning = re.search(r"null: ((?:no )?\w+)(?:\.|$)", description)
-    return meaning.group(1) if meaning else "automatic"
+    if meaning is None:
+        return "automatic"
+    return meaning.group(1)
 
 
 def number_words(value: float, spread: float = 0.0) -> str:
@@ -201,7 +219,9 @@ def number_words(value: float, spread: float = 0.0) -> str:
     digits without one.
     """
     size = spread / TWO_DIGITS or abs(value) / 100.0
-    places = min(3, max(0, -floor(log10(size)))) if size else 0
+    places = 0
+    if size:
+        places = min(3, max(0, -floor(log10(size))))
     return f"{value:,.{places}f}"
 
 
@@ -222,7 +242,8 @@ UNITS: dict[Goal, str] = {
     "cost_per_bin": "a bin",
     "harvest_seconds": "s for the harvest",
 }
-MOST_NAMED = 3  # settings that the answer names; of more it says how many
+# Settings that the answer names; of more it says how many.
+MOST_NAMED = 3
 
 
 def answer(result: StudyResult) -> str:
@@ -231,8 +252,13 @@ def answer(result: StudyResult) -> str:
     """
     if not result.table:
         return "No setting has been run yet."
-    words = _given_words(result) if result.given else _chosen_words(result)
-    return f"So far {words}" if result.not_run and result.best_rows else words
+    if result.given:
+        words = _given_words(result)
+    else:
+        words = _chosen_words(result)
+    if result.not_run and result.best_rows:
+        return f"So far {words}"
+    return words
 
 
 def _chosen_words(result: StudyResult) -> str:
@@ -249,30 +275,30 @@ def _chosen_words(result: StudyResult) -> str:
         _undecided(result),
         _checked(best, result),
     ]
-    limit = best.bottleneck if best.bottleneck == "unloading" else f"the {best.bottleneck}"
     orchard = (
-        f"The orchard: {result.orchard}; without traffic {limit} would allow"
-        f" {number_words(best.bound_bins_per_hour)} bins an hour"
+        f"The orchard: {result.orchard}; without traffic {bottleneck_words(best.bottleneck)} would"
+        f" allow {number_words(best.bound_bins_per_hour)} bins an hour"
     )
     return f"{'; '.join(filter(None, parts))}. {orchard}."
 
 
 def _given_words(result: StudyResult) -> str:
-    """What depends on values that nobody chooses, for each combination of them: no best of all."""
+    """Return the answer for each combination of values that nobody chooses: no best of all."""
     groups = dict[str, list[Row]]()
     for row in result.table:
-        groups.setdefault(repr([row.setting[key] for key in result.given]), []).append(row)
+        given = [row.setting[key] for key in result.given]
+        groups.setdefault(repr(given), []).append(row)
     answers = [_of_group(rows, result) for rows in groups.values()]
     if len(answers) > MOST_NAMED + 1:
         between = f"{len(answers) - 2} more in the table"
         answers = [answers[0], between, answers[-1]]
     keys = " and ".join(map(key_words, result.given))
-    is_chosen = any(row.standing == "best" for row in result.table)
-    consequence = "each has a best of its own" if is_chosen else "there is no best"
-    verb = "is" if len(result.given) == 1 else "are"
+    consequence = "there is no best"
+    if any(row.standing == "best" for row in result.table):
+        consequence = "each has a best of its own"
     parts = [
         *answers,
-        f"{keys} {verb} given and not chosen, so {consequence}",
+        f"{keys} {_is_or_are(result.given)} given and not chosen, so {consequence}",
         _not_run(result),
         _end(result),
         _undecided_choices(result),
@@ -280,15 +306,32 @@ def _given_words(result: StudyResult) -> str:
     return f"{'; '.join(filter(None, parts))}. The orchard: {result.orchard}."
 
 
+def _is_or_are(subjects: Sequence[object]) -> str:
+    """Return the verb for so many subjects."""
+    if len(subjects) == 1:
+        return "is"
+    return "are"
+
+
 def _of_group(rows: Sequence[Row], result: StudyResult) -> str:
-    """The best choice, or the figures alone, of rows in which what nobody chooses is the same."""
+    """Return the best choice, or the figures alone, of rows in which what nobody chooses is the
+    same.
+    """
     circumstances = setting_words({key: rows[0].setting[key] for key in result.given})
-    best = next((row for row in rows if row.standing in ("best", "alone")), None)
-    if best is None:
-        return f"{circumstances}: jammed"
+    for row in rows:
+        if row.standing == "alone":
+            return f"{circumstances}: {_figures(row, result)}"
+        if row.standing == "best":
+            return f"{circumstances}: {_choice(row, result)}{_figures(row, result)}"
+    return f"{circumstances}: jammed"
+
+
+def _choice(best: Row, result: StudyResult) -> str:
+    """Return what is chosen of the values of a best setting: '9 carriers, '; '' if nothing is."""
     chosen = {key: value for key, value in best.setting.items() if key not in result.given}
-    choice = f"{setting_words(chosen)}, " if chosen and best.standing == "best" else ""
-    return f"{circumstances}: {choice}{_figures(best, result)}"
+    if not chosen:
+        return ""
+    return f"{setting_words(chosen)}, "
 
 
 def _undecided_choices(result: StudyResult) -> str:
@@ -316,7 +359,7 @@ def _time_words(seconds: float) -> str:
 
 
 def _all_jammed(result: StudyResult) -> str:
-    """That no setting of the table has a harvest."""
+    """Return that no setting of the table has a harvest."""
     if len(result.table) == 1:
         settings = setting_words(result.table[0].setting)
     else:
@@ -326,23 +369,27 @@ def _all_jammed(result: StudyResult) -> str:
 
 
 def _best_words(best: Row, result: StudyResult) -> str:
-    """The best setting. An end of a range comes first: 'At least 8 pickers, 3 carriers'."""
-    ends = dict[str, str]()
+    """Return the best setting. An end of a range comes first: 'At least 8 pickers, 3 carriers'."""
+    rest = dict(best.setting)
+    parts = []
     for key, value in result.beyond.items():
+        words = setting_words({key: best.setting[key]})
         if value > best.setting[key]:
-            ends[key] = "at least"
+            parts.append(f"at least {words}")
+            del rest[key]
         elif not result.undecided:
-            ends[key] = "at most"
-    parts = [f"{word} {setting_words({key: best.setting[key]})}" for key, word in ends.items()]
-    rest = {key: value for key, value in best.setting.items() if key not in ends}
-    if rest or not parts:
+            parts.append(f"at most {words}")
+            del rest[key]
+    if not parts:
+        return setting_words(rest)
+    if rest:
         parts.append(setting_words(rest))
     words = ", ".join(parts)
-    return words[0].upper() + words[1:] if ends else words
+    return words[0].upper() + words[1:]
 
 
 def _not_run(result: StudyResult) -> str:
-    """What is asked for and has no run yet: then nothing is said of what lies beyond."""
+    """Return what is asked for and has no run yet: then nothing is said of what lies beyond."""
     if not result.not_run:
         return ""
     count = len(result.not_run)
@@ -371,34 +418,39 @@ def _nearest_not_run(result: StudyResult) -> dict[str, Any]:
 
 def _difference(setting: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[int, float]:
     """Return in how many keys two settings differ, and by how much in numbers."""
-    different = [key for key in setting if setting[key] != other[key]]
-    numbers = [
-        abs(setting[key] - other[key])
-        for key in different
-        if is_number(setting[key]) and is_number(other[key])
-    ]
-    return len(different), sum(numbers)
+    different = 0
+    distances = []
+    for key, value in setting.items():
+        if value == other[key]:
+            continue
+        different += 1
+        if is_number(value) and is_number(other[key]):
+            distances.append(abs(value - other[key]))
+    return different, sum(distances)
 
 
 def _figures(best: Row, result: StudyResult) -> str:
-    """Bins an hour and cost; before them the figure of another goal, with its interval.
+    """Return the figure of the goal with its interval, then bins an hour and cost.
 
     The least cost of one harvest has its time too: it may be the same for a long one and a short
     one.
     """
-    names: list[Goal] = ["bins_per_hour", "cost_per_bin"]
+    goals: list[Goal] = [result.goal, "bins_per_hour", "cost_per_bin"]
     if result.goal == "cost_per_bin" and result.horizon == "harvest":
-        names.append("harvest_seconds")
-    order = [result.goal, *(name for name in names if name != result.goal)]
-    figures = [(getattr(best, name), UNITS[name]) for name in order]
-    (main, unit), *others = [(figure, unit) for figure, unit in figures if figure is not None]
-    parts = [f"{interval_words(main)} {unit}"]
-    parts += [f"{number_words(other.mean)} {other_unit}" for other, other_unit in others]
+        goals.append("harvest_seconds")
+    parts: list[str] = []
+    for goal in dict.fromkeys(goals):
+        figure: Interval | None = getattr(best, goal)
+        if figure is None:
+            continue
+        if parts:
+            parts.append(f"{number_words(figure.mean)} {UNITS[goal]}")
+        else:
+            parts.append(f"{interval_words(figure)} {UNITS[goal]}")
     words = ", ".join(parts)
     if result.horizon == "long":
         words += " in the long run"
-    is_cut = result.stopped_by in ("budget", "stopped")
-    if best.replications <= 1 and is_cut and not result.not_run:
+    if best.replications <= 1 and result.is_cut and not result.not_run:
         words += ", known from one run only"
     return words
 
@@ -411,34 +463,40 @@ def _optimum(best: Row) -> str:
 
 
 def _end(result: StudyResult) -> str:
-    """That the best is the last one of what was tried."""
+    """Return that the best is the last one of what was tried."""
     further = [setting_words({key: value}) for key, value in result.beyond.items()]
-    return f"the range is too small, as {_listed(further)} may be better" if further else ""
+    if not further:
+        return ""
+    return f"the range is too small, as {_listed(further)} may be better"
 
 
 def _alike(result: StudyResult) -> str:
-    """What is as good as the best."""
-    equal = [row.setting for row in result.table if row.standing == "equal"]
+    """Return what is as good as the best, once nothing may be better."""
+    equal = result.equal_settings
+    best = result.best_row
     is_open = result.beyond or result.undecided or result.not_run
-    if not equal or result.best is None or is_open:
+    if not equal or best is None or is_open:
         return ""
     within = f"{100.0 * result.within:g} %"
-    lead = result.best_row.lead if result.best_row is not None else None
-    if lead is not None and lead.high > result.within:
-        half = lead.high - lead.mean
+    if best.lead is not None and best.lead.high > result.within:
+        half = best.lead.high - best.lead.mean
         return (
-            f"the best mean is {100.0 * lead.mean:.1f} ± {100.0 * half:.1f} % ahead, where"
+            f"the best mean is {100.0 * best.lead.mean:.1f} ± {100.0 * half:.1f} % ahead, where"
             f" {within} count"
         )
-    verb = "is" if len(equal) == 1 else "are"
-    key = _only_difference([result.best, *equal])
+    key = _only_difference([best.setting, *equal])
+    if key in ROBOTS and result.goal != "cost_per_bin":
+        numbers = [setting[key] for setting in equal]
+        if None not in (best.setting[key], *numbers):
+            return f"{_more_robots(best.setting[key], numbers)} less than {within}"
+    return f"{_listed(_named(equal, key))} {_is_or_are(equal)} within {within} of it"
+
+
+def _named(settings: Sequence[Mapping[str, Any]], key: str | None) -> list[str]:
+    """Return settings in words: by a value, if this is the only key in which they differ."""
     if key is None:
-        return f"{_listed(list(map(_in_brackets, equal)))} {verb} within {within} of it"
-    values = [setting[key] for setting in equal]
-    is_of_robots = key in ROBOTS and result.goal != "cost_per_bin"
-    if is_of_robots and None not in (result.best[key], *values):
-        return f"{_more_robots(result.best[key], values)} less than {within}"
-    return f"{_listed(list(map(value_words, values)))} {verb} within {within} of it"
+        return [_in_brackets(setting) for setting in settings]
+    return [value_words(setting[key]) for setting in settings]
 
 
 def _more_robots(best: int, larger: Sequence[int]) -> str:
@@ -455,30 +513,32 @@ def _undecided(result: StudyResult) -> str:
         return ""
     others = [setting for setting in result.undecided if setting != result.best]
     if not others:
-        others = [row.setting for row in result.table if row.standing == "equal"]
+        others = result.equal_settings
     if not others:
         return ""
     key = _only_difference([result.best, *others])
-    if key is None:
-        best = _in_brackets(result.best)
-        names = [_in_brackets(setting) for setting in others]
-    else:
-        best = value_words(result.best[key])
-        names = [value_words(setting[key]) for setting in others]
+    best, *names = _named([result.best, *others], key)
     return _more_runs(f"to tell {_listed(names)} from {best}", result.seconds_needed)
 
 
 def _in_brackets(setting: Mapping[str, Any]) -> str:
-    """A setting in words, in brackets if it has a comma of its own."""
+    """Return a setting in words, in brackets if it has a comma of its own."""
     words = setting_words(setting)
-    return f"({words})" if "," in words else words
+    if "," in words:
+        return f"({words})"
+    return words
 
 
 def _only_difference(settings: Sequence[dict[str, Any]]) -> str | None:
     """Return the key in which the settings differ; None if there are several, or none."""
-    first = settings[0]
-    keys = [key for key in first if any(setting[key] != first[key] for setting in settings)]
-    return keys[0] if len(keys) == 1 else None
+    first, *others = settings
+    differences = set[str]()
+    for other in others:
+        differences.update(key for key in first if other[key] != first[key])
+    if len(differences) != 1:
+        return None
+    (key,) = differences
+    return key
 
 
 def _listed(words: list[str]) -> str:
@@ -486,7 +546,9 @@ def _listed(words: list[str]) -> str:
     if len(words) > MOST_NAMED + 1:
         words = [*words[:MOST_NAMED], f"{len(words) - MOST_NAMED} more"]
     *first, last = words
-    return f"{', '.join(first)} and {last}" if first else last
+    if not first:
+        return last
+    return f"{', '.join(first)} and {last}"
 
 
 def _checked(best: Row, result: StudyResult) -> str:
@@ -497,26 +559,30 @@ def _checked(best: Row, result: StudyResult) -> str:
     if check.jammed == check.replications:
         return "in the simulator it jams"
     words = f"the simulator says {interval_words(check.bins_per_hour)}, "
-    share = abs(check.difference)
-    if share < NO_DIFFERENCE:
+    percent = f"{100.0 * abs(check.difference):.1f} %"
+    if abs(check.difference) < NO_DIFFERENCE:
         words += "the same"
+    elif check.difference > 0.0:
+        words += f"{percent} more"
     else:
-        words += f"{100.0 * share:.1f} % {'more' if check.difference > 0 else 'less'}"
+        words += f"{percent} less"
     if check.jammed:
         words += f", and {check.jammed} of {check.replications} of its runs jammed"
     return words + _overtaken(best, result)
 
 
 def _overtaken(best: Row, result: StudyResult) -> str:
-    """The setting that is certainly better in the simulator, if it is about bins or time; '' if
-    there is none.
+    """Return the setting that is certainly better in the simulator, if it is about bins or time;
+    '' if there is none.
     """
     if best.check is None or result.goal == "cost_per_bin":
         return ""
-    rates = [
-        (row.check.bins_per_hour, row.setting) for row in result.table if row.check is not None
-    ]
-    first, setting = max(rates, key=lambda rate: rate[0].mean)
-    if first.low <= best.check.bins_per_hour.high * (1.0 + result.within):
+    first = best
+    rate = best.check.bins_per_hour
+    for row in result.table:
+        if row.check is not None and row.check.bins_per_hour.mean > rate.mean:
+            first = row
+            rate = row.check.bins_per_hour
+    if rate.low <= best.check.bins_per_hour.high * (1.0 + result.within):
         return ""
-    return f", and prefers {setting_words(setting)} with {interval_words(first)}"
+    return f", and prefers {setting_words(first.setting)} with {interval_words(rate)}"

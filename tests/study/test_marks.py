@@ -2,7 +2,7 @@
 
 from made_studies import a_result, a_row, carriers, interval
 
-from orchard.study.picture import _half_widths
+from orchard.study.picture import half_widths
 from orchard.study.table import legend
 
 
@@ -15,4 +15,4 @@ def test_the_legend_explains_the_marks_of_settings():
 
 
 def test_the_bars_of_a_picture_reach_from_the_mean_to_both_ends():
-    assert _half_widths([interval(10.0, 2.0)]) == [[2.0], [2.0]]
+    assert half_widths([interval(10.0, 2.0)]).tolist() == [[2.0], [2.0]]

@@ -23,7 +23,7 @@ SHORTEST_SECRET = 16
 
 def seeds_of(scenario: Scenario) -> range:
     """Return the seeds of an orchard: one if nothing in it is random."""
-    count = SEEDS if Setting({}, scenario).is_random else 1
+    count = Setting({}, scenario).seeds_that_differ(SEEDS)
     return range(scenario.seed, scenario.seed + count)
 
 
@@ -33,7 +33,9 @@ def bounds_of(scenario: Scenario) -> dict[int, float]:
     from orchard.optimum.schedule import optimum
 
     proven = dict[int, float]()
-    work = WORK if scenario.rows <= MOST_SMALL_ROWS else WORK_IN_LARGE
+    work = WORK
+    if scenario.rows > MOST_SMALL_ROWS:
+        work = WORK_IN_LARGE
     rows_are_drawn = scenario.picking.spread.distribution != "none"
     for seed in seeds_of(scenario):
         # A bound leaves failures out. So only the rows' times make one seed's another's.
@@ -68,6 +70,7 @@ def hidden_instances(drawn: Mapping[str, dict[str, Any]], workers: Workers) -> d
     Their bounds are proven now, which takes long.
     """
     scenarios = {name: check(values, name) for name, values in drawn.items()}
+    # By the seed of the scenario.
     proven = dict[int, dict[int, float]]()
     for scenario, bounds in workers.do(_bounds_in_worker, [*scenarios.values()], lambda: True):
         proven[scenario.seed] = bounds

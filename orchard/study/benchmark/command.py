@@ -82,8 +82,11 @@ def run_benchmark(chosen: BenchmarkOptions) -> int:
             if chosen.verify is not None:
                 return _verify(chosen.verify, known)
             done = _done(chosen, known, store_file, workers)
+        if done is None and chosen.policy in POLICIES:
+            print_error(STOPPED)
+            return FAILED
         if done is None:
-            print_error(STOPPED if chosen.policy in POLICIES else OWN_STOPPED)
+            print_error(OWN_STOPPED)
             return FAILED
         result, submission = done
         _print(result)
@@ -94,7 +97,9 @@ def run_benchmark(chosen: BenchmarkOptions) -> int:
     for trouble in troubles:
         print_error(trouble)
     is_told = tell_if_lost()
-    return FAILED if troubles or not is_told else FINISHED
+    if troubles or not is_told:
+        return FAILED
+    return FINISHED
 
 
 class SubmissionError(ValueError):
@@ -117,8 +122,9 @@ def _check_options(chosen: BenchmarkOptions) -> None:
     outputs = [path for path in (chosen.summary, chosen.submission) if path is not None]
     if outputs:
         store_file = StudyOptions(store=chosen.out).store_file
-        if same := [*one_file([store_file, *outputs])]:
-            raise ScenarioError(same)
+        problems = list(one_file([store_file, *outputs]))
+        if problems:
+            raise ScenarioError(problems)
     if chosen.summary is not None:
         check_writable(chosen.summary, kind=SUMMARY)
     if chosen.submission is not None:
@@ -154,9 +160,9 @@ def _known(chosen: BenchmarkOptions, workers: Workers) -> dict[str, Instance]:
     if chosen.secret is None:
         known = instances()
         if chosen.split is not None:
-            known = {name: one for name, one in known.items() if one.split == chosen.split}
+            known = {name: known[name] for name in known if known[name].split == chosen.split}
         wanted = _wanted_names(chosen, known)
-        return {name: one for name, one in known.items() if name in wanted}
+        return {name: instance for name, instance in known.items() if name in wanted}
     try:
         secret = secret_of(chosen.secret)
     except ValueError as error:
@@ -170,10 +176,10 @@ def _wanted_names(chosen: BenchmarkOptions, known: Iterable[str]) -> list[str]:
     """Return the names of the orchards that are wanted. Raises BadParameter."""
     every = [*known]
     names = chosen.orchard or every
-    if unknown := [name for name in names if name not in every]:
-        raise BadParameter(
-            f"{unknown[0]}: no such orchard; there are {', '.join(every)}", param_hint="--orchard"
-        )
+    for name in names:
+        if name not in every:
+            text = f"{name}: no such orchard; there are {', '.join(every)}"
+            raise BadParameter(text, param_hint="--orchard")
     return names
 
 
@@ -232,7 +238,10 @@ def _done(
         result = asked.run()
         if result is None:
             return None
-        return result, asked.submission() if chosen.submission is not None else None
+        submission = None
+        if chosen.submission is not None:
+            submission = asked.submission()
+        return result, submission
 
 
 def _limits(secret: Path | None) -> Limits:
@@ -248,46 +257,52 @@ def _limits(secret: Path | None) -> Limits:
 
 
 def _print(result: BenchmarkResult) -> None:
-    best, score = next(iter(result.scores)), result.scores[result.policy]
-    others = (
-        "the best of all here"
-        if best == result.policy
-        else f"the best is {best} with {_percent(result.scores[best])} %"
-    )
-    print_line(f"{result.policy} has {_percent(score)} % of what is proven possible; {others}.")
+    """Print the score, the table of all scores, and what is to be known of the harvests."""
+    score = _percent(result.scores[result.policy])
+    # The best score is the first one.
+    best = next(iter(result.scores))
+    others = "the best of all here"
+    if best != result.policy:
+        others = f"the best is {best} with {_percent(result.scores[best])} %"
+    print_line(f"{result.policy} has {score} % of what is proven possible; {others}.")
     console.print(_scores(result))
     if result.policy not in POLICIES and result.splits != HIDDEN:
         print_line(PUBLIC)
     for line in result.too_slow:
         print_line(f"- score 0: {line}")
-    jams = [
-        (one.orchard, count)
-        for one in result.of(result.policy)
-        if (count := one.seconds.count(None))
-    ]
+    jams = []
+    for harvests in result.of(result.policy):
+        count = harvests.seconds.count(None)
+        if count:
+            jams.append(f"{count} of {harvests.orchard}")
     if jams and not result.too_slow:
-        counts = ", ".join(f"{count} of {name}" for name, count in jams)
         print_line(
             "- never finished, as robots waited for each other, or for a carrier that was not"
-            f" sent: {counts}"
+            f" sent: {', '.join(jams)}"
         )
-    if any(one.checked for one in result.of(result.policy)):
+    if any(harvests.checked for harvests in result.of(result.policy)):
         console.print(_differences(result))
 
 
 def _scores(result: BenchmarkResult) -> Table:
-    names = [policy.rpartition(".")[2].replace("-", "\n") for policy in result.scores]
+    """Return the table of all scores: a column for each policy, a row for each orchard."""
+    asked = result.scores[result.policy]
+    names = []
+    differences = []
+    errors = []
+    for policy, score in result.scores.items():
+        names.append(policy.rpartition(".")[2].replace("-", "\n"))
+        differences.append(f"{100.0 * (score - asked):+.1f}")
+        errors.append(f"{100.0 * result.standard_error(policy):.2f}")
     shown = table(MEANING.format(policy=result.policy), "orchard", "proven,\ns", *names)
-    found = {(one.orchard, one.policy): one for one in result.harvests}
-    for one in result.of(result.policy):
-        scores = [_percent(found[one.orchard, policy].score) for policy in result.scores]
-        shown.add_row(one.orchard, f"{fmean(one.proven):.1f}", *scores)
+    by_cell = {(harvests.orchard, harvests.policy): harvests for harvests in result.harvests}
+    for harvests in result.of(result.policy):
+        orchard = harvests.orchard
+        scores = [_percent(by_cell[orchard, policy].score) for policy in result.scores]
+        shown.add_row(orchard, f"{fmean(harvests.proven):.1f}", *scores)
     shown.add_section()
     shown.add_row("score", "", *map(_percent, result.scores.values()), style="bold")
-    asked = result.scores[result.policy]
-    differences = [f"{100.0 * (score - asked):+.1f}" for score in result.scores.values()]
     shown.add_row("difference", "", *differences)
-    errors = [f"{100.0 * result.standard_error(policy):.2f}" for policy in result.scores]
     shown.add_row("standard error", "", *errors)
     return shown
 
@@ -297,16 +312,23 @@ def _percent(share: float) -> str:
 
 
 def _differences(result: BenchmarkResult) -> Table:
-    """The fast model beside the simulator."""
+    """Return the table of the fast model beside the simulator."""
     shown = table(
         CHECKED.format(policy=result.policy), "orchard", "fast model", "simulator", "difference, %"
     )
-    for one in result.of(result.policy):
-        difference = "" if one.difference is None else f"{100.0 * one.difference:+.1f}"
-        shown.add_row(one.orchard, _mean(one.seconds), _mean(one.checked), difference)
+    for harvests in result.of(result.policy):
+        percent = ""
+        if harvests.difference is not None:
+            percent = f"{100.0 * harvests.difference:+.1f}"
+        fast = _mean(harvests.seconds)
+        full = _mean(harvests.checked)
+        shown.add_row(harvests.orchard, fast, full, percent)
     return shown
 
 
 def _mean(seconds: Sequence[float | None]) -> str:
-    known = [one for one in seconds if one is not None]
-    return f"{fmean(known):.1f}" if len(known) == len(seconds) else "never finished"
+    """Return the mean time of harvests, if all of them were finished."""
+    known = [taken for taken in seconds if taken is not None]
+    if len(known) < len(seconds):
+        return "never finished"
+    return f"{fmean(known):.1f}"

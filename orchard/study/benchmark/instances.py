@@ -219,10 +219,10 @@ def _at_mean_speeds(scenario: Scenario) -> Scenario:
 
 def _jobs(jobs: Sequence[TimedJob]) -> list[InstanceJob]:
     """Return jobs as a file has them."""
-    found = []
+    in_file = []
     for job in jobs:
         exits = [LineExit(approach, _uses(uses)) for approach, uses in job.exits]
-        found.append(
+        in_file.append(
             InstanceJob(
                 picker=job.picker,
                 row=job.lane,
@@ -239,10 +239,11 @@ def _jobs(jobs: Sequence[TimedJob]) -> list[InstanceJob]:
                 to_rest=job.to_rest,
             )
         )
-    return found
+    return in_file
 
 
 def _uses(uses: Iterable[Use]) -> list[TimedUse]:
+    """Return uses of places as a file has them."""
     return [TimedUse(use.place, round(use.at / TIME_STEP), use.ticks) for use in uses]
 
 
@@ -260,9 +261,10 @@ def _draw(layout: Layout, seed: int, proven: float) -> InstanceDraw:
         rule = rules.get(start.kind)
         if rule is None or rule.mean_between is None:
             continue
-        means = (rule.mean_between, rule.mean_repair)
-        times = [failure(seed, start.name, number, *means) for number in range(FAILURES)]
-        failures[start.name] = [(round(work, 2), round(repair, 2)) for work, repair in times]
+        of_robot = failures.setdefault(start.name, [])
+        for number in range(FAILURES):
+            work, repair = failure(seed, start.name, number, rule.mean_between, rule.mean_repair)
+            of_robot.append((round(work, 2), round(repair, 2)))
     return InstanceDraw(
         seed=seed,
         picking_seconds=seconds,

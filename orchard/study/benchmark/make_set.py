@@ -6,6 +6,7 @@ It proves the bounds, which takes long, and looks for the best schedules.
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from math import factorial
+from operator import attrgetter
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -36,8 +37,7 @@ def with_schedules(instance: Instance) -> Instance:
     draws = []
     for draw in instance.draws:
         layout = lay_out(instance.of_seed(draw.seed))
-        found = list(_tried(layout))
-        best = min(found, key=lambda schedule: schedule.seconds)
+        best = min(_tried(layout), key=attrgetter("seconds"))
         draws.append(replace(draw, best=best))
     return replace(instance, draws=draws)
 
@@ -101,7 +101,9 @@ class InOrder:
         orders = []
         waiting = {report.picker: report for report in bins}
         for carrier in free_carriers(carriers):
-            report = waiting.get(self._pickers[0]) if self._pickers else None
+            if not self._pickers:
+                break
+            report = waiting.get(self._pickers[0])
             if report is None or report.seconds_to_full - report.seconds_to_reach > MARGIN:
                 break
             orders.append(Assignment(report.name, carrier.name))

@@ -55,7 +55,9 @@ def play(layout: Layout, is_early: bool, decide: Decide) -> Played:
         done_before = harvest.done
         until = min(longest, until + JAM)
         reason = _carry_on(harvest, until, decide, decisions)
-    seconds = harvest.seconds if harvest.is_over else None
+    seconds = None
+    if harvest.is_over:
+        seconds = harvest.seconds
     return Played(seconds=seconds, is_early=is_early, decisions=decisions)
 
 

@@ -10,7 +10,7 @@ A policy of the user's own is asked in a process of its own, which gets only wha
 built-in ones run as in a study: they know no more.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf, sqrt
 from statistics import fmean, variance
@@ -46,9 +46,12 @@ class Harvests:
 
     orchard: str
     policy: str
-    proven: list[float]  # s; no harvest is shorter
-    seconds: list[float | None]  # by the fast model; None: it was never finished
-    checked: list[float | None]  # by the simulator, if it was asked
+    #: What is proven, s: no harvest is shorter.
+    proven: list[float]
+    #: By the fast model; None: it was never finished.
+    seconds: list[float | None]
+    #: By the simulator, if it was asked.
+    checked: list[float | None]
 
     def __post_init__(self) -> None:
         for proven, seconds in zip(self.proven, self.seconds, strict=True):
@@ -66,29 +69,38 @@ class Harvests:
 
     @property
     def shares(self) -> list[float]:
-        """The same of each harvest, by seed."""
-        pairs = zip(self.proven, self.seconds, strict=True)
-        return [proven / seconds if seconds else 0.0 for proven, seconds in pairs]
+        """The score of each harvest, by seed: 0 if it was never finished."""
+        shares = []
+        for proven, seconds in zip(self.proven, self.seconds, strict=True):
+            if seconds:
+                shares.append(proven / seconds)
+            else:
+                shares.append(0.0)
+        return shares
 
     @property
     def difference(self) -> float | None:
         """By how much the fast model's harvests are longer than the simulator's, as a share of
         these; None if that is not known.
         """
-        fast, full = (
-            [seconds for seconds in found if seconds] for found in (self.seconds, self.checked)
-        )
-        return sum(fast) / sum(full) - 1.0 if len(fast) == len(full) == len(self.proven) else None
+        fast = list(filter(None, self.seconds))
+        full = list(filter(None, self.checked))
+        if not len(fast) == len(full) == len(self.proven):
+            return None
+        return sum(fast) / sum(full) - 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class BenchmarkResult:
     """All harvests. `orchard benchmark --summary` writes them as JSON, with these names."""
 
-    policy: str  # that was asked about
-    scores: dict[str, float]  # policy -> its score, 0 to 1, the best first
+    #: The one that was asked about.
+    policy: str
+    #: Policy -> its score, 0 to 1, the best first.
+    scores: dict[str, float]
     harvests: list[Harvests]
-    notes: list[str]  # in the simulator: faults of own classes, and invariants that did not hold
+    #: In the simulator: faults of own classes, and invariants that did not hold.
+    notes: list[str]
     # A line for each harvest for which the policy took too long.
     too_slow: list[str] = field(default_factory=list)
     # Of the orchards: those of `train` and `test` are public, and a policy may know them.
@@ -96,7 +108,8 @@ class BenchmarkResult:
     version: str
 
     def of(self, policy: str) -> list[Harvests]:
-        return [one for one in self.harvests if one.policy == policy]
+        """Return the harvests with a policy, by orchard."""
+        return [harvests for harvests in self.harvests if harvests.policy == policy]
 
     def standard_error(self, policy: str) -> float:
         """Return the standard error of the difference between the scores of a policy and of the one
@@ -104,8 +117,9 @@ class BenchmarkResult:
 
         Both have the same seeds. So it is that of the mean of paired differences, by seeds.
         """
-        pairs = zip(self.of(policy), self.of(self.policy), strict=True)
-        variances = [_variance_of_difference(harvests, asked) for harvests, asked in pairs]
+        variances = []
+        for harvests, asked in zip(self.of(policy), self.of(self.policy), strict=True):
+            variances.append(_variance_of_difference(harvests, asked))
         return sqrt(sum(variances)) / len(variances)
 
 
@@ -149,21 +163,31 @@ class Benchmark:
         self.is_stopped = is_stopped
         self.is_own = policy not in DISPATCH_POLICIES
         policies = dict.fromkeys([policy, *DISPATCH_POLICIES])
-        self.cells = [(name, of_cell) for of_cell in policies for name in known]
-        self.settings = [
-            Setting({}, with_changes(self.known[name], dispatch=of_cell))
-            for name, of_cell in self.cells
-        ]
+        # Orchard and policy of each setting.
+        self.cells = []
+        self.settings = []
+        for of_cell in policies:
+            for name, scenario in self.known.items():
+                self.cells.append((name, of_cell))
+                self.settings.append(Setting({}, with_changes(scenario, dispatch=of_cell)))
         # The settings of `policy` come first.
         self.own = range(len(known))
         if self.is_own:
             check_policy(policy, next(iter(self.known.values())), limits)
         self.own_harvests = OwnHarvests(policy, limits, workers.count)
         self.own_results = dict[str, list[OwnResult]]()
-        self.checked = self.own if is_checked else ()
+        self.checked: Sequence[int] = ()
+        if is_checked:
+            self.checked = self.own
         self.wanted = self._count_runs()
         self.runs = Replications(
-            self.settings, "harvest_seconds", "harvest", store, workers, self._hear, is_stopped
+            settings=self.settings,
+            goal="harvest_seconds",
+            horizon="harvest",
+            store=store,
+            workers=workers,
+            heard=self._hear,
+            is_stopped=is_stopped,
         )
 
     def _seeds(self, number: int) -> int:
@@ -185,7 +209,10 @@ class Benchmark:
     @property
     def built_in(self) -> range:
         """The settings with built-in policies."""
-        return range(len(self.known) if self.is_own else 0, len(self.settings))
+        first = 0
+        if self.is_own:
+            first = len(self.known)
+        return range(first, len(self.settings))
 
     def run(self) -> BenchmarkResult | None:
         """Do what the store does not know, and return all; None if it was stopped.
@@ -195,11 +222,12 @@ class Benchmark:
         """
         if self.is_own and not self._ask_own():
             return None
-        is_done = all(
-            self.runs.do(settings, "fast", count, until=inf)
-            for count, settings in self._by_seeds().items()
-        )
-        return self._result() if is_done and self._check() else None
+        for count, settings in self._by_seeds().items():
+            if not self.runs.do(settings, "fast", count, until=inf):
+                return None
+        if not self._check():
+            return None
+        return self._result()
 
     def _ask_own(self) -> bool:
         """Do the harvests of a policy of one's own. Return whether all are done."""
@@ -245,21 +273,19 @@ class Benchmark:
         self.tell(len(self.runs.records) / self.wanted)
 
     def _result(self) -> BenchmarkResult:
-        harvests = [
-            self._harvests(i, orchard, policy) for i, (orchard, policy) in enumerate(self.cells)
-        ]
-        of_policies = {
-            one.policy: [other.score for other in harvests if other.policy == one.policy]
-            for one in harvests
-        }
-        scores = sorted(
-            ((policy, fmean(scores)) for policy, scores in of_policies.items()),
-            key=lambda item: -item[1],
-        )
+        """Return all harvests and scores, once all runs are done."""
+        all_harvests = []
+        of_policies: dict[str, list[float]] = {}
+        for i, (orchard, policy) in enumerate(self.cells):
+            harvests = self._harvests(i, orchard, policy)
+            all_harvests.append(harvests)
+            of_policies.setdefault(policy, []).append(harvests.score)
+        scores = {policy: fmean(of_policy) for policy, of_policy in of_policies.items()}
+        best_first = sorted(scores, key=lambda policy: -scores[policy])
         return BenchmarkResult(
             policy=self.policy,
-            scores=dict(scores),
-            harvests=harvests,
+            scores={policy: scores[policy] for policy in best_first},
+            harvests=all_harvests,
             notes=self._notes(),
             too_slow=self._too_slow(),
             splits=splits_of(self.instances),
@@ -267,20 +293,20 @@ class Benchmark:
         )
 
     def _harvests(self, i: int, orchard: str, policy: str) -> Harvests:
-        seconds, checked = (
-            self._seconds(i, "fast"),
-            self._seconds(i, "full") if i in self.checked else [],
-        )
-        proven = [draw.proven_seconds for draw in self.instances[orchard].draws]
+        """Return the harvests of a setting, which is that of an orchard and a policy."""
+        checked: list[float | None] = []
+        if i in self.checked:
+            checked = self._seconds(i, "full")
         return Harvests(
             orchard=orchard,
             policy=policy,
-            proven=proven,
-            seconds=seconds,
+            proven=[draw.proven_seconds for draw in self.instances[orchard].draws],
+            seconds=self._seconds(i, "fast"),
             checked=checked,
         )
 
     def _too_slow(self) -> list[str]:
+        """Return a line for each harvest for which a policy of one's own took too long."""
         lines = []
         for orchard, results in self.own_results.items():
             for seed, result in enumerate(results, start=self.known[orchard].seed):
@@ -289,20 +315,25 @@ class Benchmark:
         return lines
 
     def _seconds(self, i: int, model: Model) -> list[float | None]:
+        """Return how long the harvests of a setting are, by seed; None: never finished."""
         orchard, policy = self.cells[i]
         if model == "fast" and self.is_own and policy == self.policy:
             return [result.played.seconds for result in self.own_results[orchard]]
-        return [
-            None if record.ended == "jammed" else record.sim_seconds
-            for record in self.runs.known(i, model)
-        ]
+        seconds: list[float | None] = []
+        for record in self.runs.known(i, model):
+            if record.is_jammed:
+                seconds.append(None)
+            else:
+                seconds.append(record.sim_seconds)
+        return seconds
 
     def _notes(self) -> list[str]:
-        found = {self.cells[i][0]: self.runs.known(i, "full") for i in self.checked}
-        return [
-            f"{orchard}, seed {one.seed}: {line}"
-            for orchard, records in found.items()
-            for one in records
-            for line in f"{one.violations}\n{one.faults}".split("\n")
-            if line
-        ]
+        """Return what was wrong in harvests in the simulator, a line each."""
+        notes = []
+        for i in self.checked:
+            orchard, _ = self.cells[i]
+            for record in self.runs.known(i, "full"):
+                lines = [*record.violations.split("\n"), *record.faults.split("\n")]
+                for line in filter(None, lines):
+                    notes.append(f"{orchard}, seed {record.seed}: {line}")
+        return notes

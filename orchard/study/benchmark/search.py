@@ -35,7 +35,7 @@ def searched(instance: Instance, tries: int) -> Instance:
     draws = []
     for draw in instance.draws:
         better = _better(lay_out(instance.of_seed(draw.seed)), draw, tries)
-        draws.append(draw if better is None else replace(draw, best=better))
+        draws.append(replace(draw, best=better or draw.best))
     return replace(instance, draws=draws)
 
 
@@ -63,7 +63,9 @@ def _better(layout: Layout, draw: InstanceDraw, tries: int) -> KnownSchedule | N
 
 def _seconds(harvest: Played) -> float:
     """Return how long a harvest takes; infinity if it is never finished."""
-    return inf if harvest.seconds is None else harvest.seconds
+    if harvest.seconds is None:
+        return inf
+    return harvest.seconds
 
 
 def _changed(order: Sequence[str], random: np.random.Generator) -> list[str]:

@@ -38,7 +38,9 @@ class SubmittedHarvest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def score(self) -> float:
         """The share that the proven time is of the harvest's; 0 if it was never finished."""
-        return self.proven_seconds / self.seconds if self.seconds else 0.0
+        if not self.seconds:
+            return 0.0
+        return self.proven_seconds / self.seconds
 
 
 class Submission(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -72,7 +74,9 @@ def submission_of(
     harvests = list[SubmittedHarvest]()
     for name, instance in known.items():
         for draw, harvest in zip(instance.draws, played[name], strict=True):
-            seconds = None if harvest.seconds is None else round(harvest.seconds, 1)
+            seconds = harvest.seconds
+            if seconds is not None:
+                seconds = round(seconds, 1)
             harvests.append(
                 SubmittedHarvest(
                     instance=name,
@@ -147,16 +151,15 @@ def _wrong_harvests(submission: Submission, known: Mapping[str, Instance]) -> li
     wanted = set[tuple[str, int]]()
     for name, instance in known.items():
         wanted |= {(name, draw.seed) for draw in instance.draws}
-    there = Counter((harvest.instance, harvest.seed) for harvest in submission.harvests)
+    counts = Counter((harvest.instance, harvest.seed) for harvest in submission.harvests)
     problems = []
-    for instance_name, seed in sorted(wanted - there.keys()):
-        problems.append(f"{instance_name}, seed {seed}: this harvest is missing")
-    for key in sorted(there):
-        where = f"{key[0]}, seed {key[1]}"
-        if key not in wanted:
-            problems.append(f"{where}: no such instance and seed in this split")
-        elif there[key] > 1:
-            problems.append(f"{where}: it is there {there[key]} times")
+    for instance, seed in sorted(wanted - counts.keys()):
+        problems.append(f"{instance}, seed {seed}: this harvest is missing")
+    for (instance, seed), count in sorted(counts.items()):
+        if (instance, seed) not in wanted:
+            problems.append(f"{instance}, seed {seed}: no such instance and seed in this split")
+        elif count > 1:
+            problems.append(f"{instance}, seed {seed}: it is there {count} times")
     return problems
 
 
@@ -171,7 +174,9 @@ def _wrong_scores(submission: Submission) -> list[str]:
             problems.append(f"the score of {instance} is missing")
         elif computed is None or abs(computed - submitted) > SCORE_ROUNDING:
             problems.append(f"the score of {instance} is not that of its harvests")
-    score = fmean(scores.values()) if scores else 0.0
+    score = 0.0
+    if scores:
+        score = fmean(scores.values())
     if abs(score - submission.score) > SCORE_ROUNDING:
         problems.append(
             f"its score is {100.0 * submission.score:.3f} %; its harvests give"
@@ -208,14 +213,15 @@ def replayed(scenario: Scenario, is_early: bool, orders: Sequence[RecordedOrder]
 
     Raises ValueError for an order that cannot be.
     """
-    given = dict[int, list[RecordedOrder]]()
+    # Tick -> its orders that have not been carried out yet.
+    remaining = dict[int, list[RecordedOrder]]()
     for order in orders:
-        given.setdefault(order.tick, []).append(order)
+        remaining.setdefault(order.tick, []).append(order)
 
     def decide(
         now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport]
     ) -> list[Assignment]:
-        decided = given.pop(now, [])
+        decided = remaining.pop(now, [])
         try:
             sent = checked(
                 [Assignment(order.bin, order.carrier) for order in decided],
@@ -228,8 +234,8 @@ def replayed(scenario: Scenario, is_early: bool, orders: Sequence[RecordedOrder]
         return sent
 
     seconds = play(lay_out(scenario), is_early, decide).seconds
-    if given:
-        raise ValueError(f"tick {min(given)}: nothing is decided then, and it has an order")
+    if remaining:
+        raise ValueError(f"tick {min(remaining)}: nothing is decided then, and it has an order")
     return seconds
 
 

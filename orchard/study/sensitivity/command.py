@@ -45,7 +45,9 @@ def run_sensitivity(
         result = sensitivity(scenario, factors, options, tell, is_stopped)
     _print(result, chosen.progress == "json")
     are_written = [_is_written(path, save, result) for path, save in _files(chosen, result).items()]
-    return FINISHED if result.effects and all(are_written) else FAILED
+    if result.effects and all(are_written):
+        return FINISHED
+    return FAILED
 
 
 def _question(chosen: StudyArguments, options: StudyOptions) -> tuple[Scenario, Sequence[Factor]]:

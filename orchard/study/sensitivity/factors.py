@@ -53,13 +53,15 @@ SHARES: Mapping[str, float] = MappingProxyType(
 )
 # Of a value that the user names, and that has no share above.
 USUAL_SHARE = 0.10
-DIGITS = 5  # of a value that is moved
+# Of a value that is moved.
+DIGITS = 5
 FORM = "must be KEY, KEY=LOW..HIGH or KEY=SHARE%, such as picking_rate=1.2..1.8 or carriers=20%"
 _NUMBER = r"\s*(-?(?:\d+\.?\d*|\.\d+))\s*"
 _RANGE = re.compile(rf"{_NUMBER}\.\.{_NUMBER}")
 _SHARE = re.compile(rf"{_NUMBER}%\s*")
 PICKER_RATES = "picker_rates"
-USUAL_RATE = 1.0  # of a picker that has no rate of its own
+# Of a picker that has no rate of its own.
+USUAL_RATE = 1.0
 # Key of a spread -> the key that says whether there is any.
 _OF_SPREADS = {
     "picking.spread.cv": "picking.spread.distribution",
@@ -264,7 +266,9 @@ def _known_value(scenario: Scenario, key: str) -> float | None:
         return None
     if value is None:
         value = scenario.chosen.get(key)
-    return float(value) if is_number(value) else None
+    if not is_number(value):
+        return None
+    return float(value)
 
 
 def _field(key: str) -> FieldInfo | None:
@@ -293,14 +297,18 @@ def _is_unknown(key: str) -> bool:
     section = key.rpartition(".")[0]
     while section and _field(section) is None:
         section = section.rpartition(".")[0]
-    kind = _kind(section) if section else Scenario
+    kind: Any = Scenario
+    if section:
+        kind = _kind(section)
     return isinstance(kind, type) and issubclass(kind, BaseModel)
 
 
 def _kind(key: str) -> Any:
     """Return the type of a key's values; None if it has no field of its own."""
     field = _field(key)
-    return None if field is None else field.annotation
+    if field is None:
+        return None
+    return field.annotation
 
 
 def _takes_numbers(key: str) -> bool:
@@ -314,10 +322,11 @@ def _is_whole(key: str) -> bool:
 
 def _limits(key: str) -> tuple[float, float]:
     """Return the least and the greatest value that the schema allows."""
+    least = -inf
+    most = inf
     field = _field(key)
-    limits = {}
     if field is not None:
-        limits = {type(limit).__name__: limit for limit in field.metadata}
-    least = limits["Ge"].ge if "Ge" in limits else -inf
-    most = limits["Le"].le if "Le" in limits else inf
+        for limit in field.metadata:
+            least = getattr(limit, "ge", least)
+            most = getattr(limit, "le", most)
     return float(least), float(most)

@@ -8,10 +8,20 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from orchard.study.picture import COLOURS, INK, QUIET, WIDTH, style_axes, write_drawing
+from orchard.study.picture import (
+    COLOURS,
+    INK,
+    QUIET,
+    WIDTH,
+    half_widths,
+    means_of,
+    style_axes,
+    write_drawing,
+)
 from orchard.study.result import Interval
 from orchard.study.sensitivity.result import SensitivityResult
 from orchard.study.sensitivity.words import LUCK, UNFITTED
@@ -20,7 +30,8 @@ from orchard.study.words import UNITS, key_words
 # Height of a value's bar, and of all else, inches.
 HEIGHT_OF_BAR = 0.42
 HEIGHT_OF_REST = 1.3
-LOW_END, HIGH_END = COLOURS[2], COLOURS[1]
+LOW_END = COLOURS[2]
+HIGH_END = COLOURS[1]
 # Of a name, from its end of a bar, points.
 ASIDE = 4.0
 # How both kinds of effects are drawn, and how far aside of their line.
@@ -31,20 +42,22 @@ OF_FIRST_ORDER = {"aside": -0.12, "color": COLOURS[3], "marker": "s", "label": "
 def figure(result: SensitivityResult) -> Figure:
     """Return the picture of a sensitivity."""
     names = [key_words(effect.key) for effect in result.effects]
-    rest = [(LUCK, result.luck)]
+    names.append(LUCK)
+    rest = [result.luck]
     if result.unfitted.mean:
-        rest.append((UNFITTED, result.unfitted))
-    count = len(names) + len(rest)
+        names.append(UNFITTED)
+        rest.append(result.unfitted)
+    count = len(names)
     height = HEIGHT_OF_BAR * count + HEIGHT_OF_REST
     drawing = Figure(figsize=(WIDTH, height), layout="constrained")
     moved, shares = drawing.subplots(1, 2, sharey=True, width_ratios=[3, 2])
     _draw_tornado(moved, result)
-    _draw_shares(shares, result, [share for _, share in rest])
+    _draw_shares(shares, result, rest)
     for axes in (moved, shares):
         style_axes(axes)
         axes.grid(axis="x", color=QUIET, alpha=0.25, lw=0.6)
         axes.xaxis.label.set_color(INK)
-    moved.set_yticks(range(count), [*names, *(name for name, _ in rest)])
+    moved.set_yticks(range(count), names)
     moved.set_ylim(count - 0.5, -0.5)
     return drawing
 
@@ -75,7 +88,9 @@ def _name_end(
     axes: Axes, place: int, end: tuple[float, float], aligned: Literal["left", "right"]
 ) -> None:
     """Write a value beside its end of a bar. `end`: the result there, and the value."""
-    aside = ASIDE if aligned == "left" else -ASIDE
+    aside = -ASIDE
+    if aligned == "left":
+        aside = ASIDE
     axes.annotate(
         f"{end[1]:g}",
         (end[0], place),
@@ -96,7 +111,7 @@ def _draw_shares(axes: Axes, result: SensitivityResult, rest: Sequence[Interval]
     _draw_points(axes, [effect.total for effect in effects], OF_TOTAL)
     _draw_points(axes, [effect.first_order for effect in effects], OF_FIRST_ORDER)
     for place, share in enumerate(rest, start=len(effects)):
-        bars = [[100.0 * (share.mean - share.low)], [100.0 * (share.high - share.mean)]]
+        bars = 100.0 * half_widths([share])
         axes.errorbar(
             [100.0 * share.mean], [place], xerr=bars, color=QUIET, ls="", marker="o", ms=5
         )
@@ -106,19 +121,13 @@ def _draw_shares(axes: Axes, result: SensitivityResult, rest: Sequence[Interval]
 
 
 def _draw_points(axes: Axes, shares: Sequence[Interval], look: Mapping[str, Any]) -> None:
-    """Draw one kind of effect of all values, with its intervals. `look`: its aside, and its look
-    as matplotlib takes it.
+    """Draw one kind of effect of all values, with its intervals.
+
+    `look`: how far aside from its bar it is drawn, and its look as matplotlib takes it.
     """
-    below = [100.0 * (share.mean - share.low) for share in shares]
-    above = [100.0 * (share.high - share.mean) for share in shares]
     style = {"ls": "", "ms": 5, "capsize": 3, "lw": 1.2, **look}
-    aside = style.pop("aside")
-    axes.errorbar(
-        [100.0 * share.mean for share in shares],
-        [place + aside for place in range(len(shares))],
-        xerr=[below, above],
-        **style,
-    )
+    places = np.arange(len(shares)) + style.pop("aside")
+    axes.errorbar(100.0 * means_of(shares), places, xerr=100.0 * half_widths(shares), **style)
 
 
 def save(result: SensitivityResult, path: Path) -> None:

@@ -149,7 +149,9 @@ class _Sensitivity:
         self.begun = time.time()
         self.told_at = 0.0
         self.done = 0
-        usual: Goal = "cost_per_bin" if self.scenario.prices.are_set else "bins_per_hour"
+        usual: Goal = "bins_per_hour"
+        if self.scenario.prices.are_set:
+            usual = "cost_per_bin"
         self.goal = self.options.goal or usual
 
     def run(
@@ -167,9 +169,11 @@ class _Sensitivity:
         )
         until = self.begun + self.options.budget_seconds
         is_whole = runs.do(range(len(self.settings)), "fast", RUNS_OF_A_POINT, until)
-        stopped_by: StoppedBy = "certain"
-        if not is_whole:
-            stopped_by = "stopped" if is_stopped() else "budget"
+        stopped_by: StoppedBy = "budget"
+        if is_whole:
+            stopped_by = "certain"
+        elif is_stopped():
+            stopped_by = "stopped"
         return self._result(runs, stopped_by)
 
     def _report(self) -> None:
@@ -194,7 +198,9 @@ class _Sensitivity:
         done = self._done_points(runs)
         results = done.results
         shares = None
+        values = np.zeros(1)
         if results:
+            values = np.concatenate(results)
             shares = shares_of(
                 self.factors,
                 np.array(done.shares),
@@ -202,7 +208,13 @@ class _Sensitivity:
                 self.options.confidence,
                 self.scenario.seed,
             )
-        values = np.concatenate(results) if results else np.zeros(1)
+        luck = NONE
+        unfitted = NONE
+        fit = 0.0
+        if shares is not None:
+            luck = shares.luck
+            unfitted = shares.unfitted
+            fit = shares.fit
         mean = float(np.mean(values))
         low, high = np.percentile(values, [TAIL, 100.0 - TAIL])
         result = SensitivityResult(
@@ -215,12 +227,12 @@ class _Sensitivity:
             effects=self._effects(shares),
             mean=mean,
             spread=Interval(mean=mean, low=float(low), high=float(high)),
-            luck=NONE if shares is None else shares.luck,
-            unfitted=NONE if shares is None else shares.unfitted,
-            fit=0.0 if shares is None else shares.fit,
+            luck=luck,
+            unfitted=unfitted,
+            fit=fit,
             points=len(results),
             points_asked=len(self.settings),
-            runs=sum(len(of_point) for of_point in results),
+            runs=sum(map(len, results)),
             jammed=done.jammed,
             stopped_by=stopped_by,
             wall_seconds=time.time() - self.begun,
@@ -235,9 +247,9 @@ class _Sensitivity:
         done = _DonePoints()
         for number, setting in enumerate(self.settings):
             records = runs.known(number, "fast")
-            if len(records) < (RUNS_OF_A_POINT if setting.is_random else 1):
+            if len(records) < setting.seeds_that_differ(RUNS_OF_A_POINT):
                 continue
-            if any(record.ended == "jammed" for record in records):
+            if runs.has_jammed(number, "fast"):
                 done.jammed.append(setting.values)
                 continue
             done.shares.append(self.shares[number])
@@ -251,16 +263,18 @@ class _Sensitivity:
         effects = []
         has_ends = shares.fit >= FIT_OF_ENDS
         for number, factor in enumerate(self.factors):
-            at_low, at_high = map(float, shares.ends[number])
             effect = Effect(
                 key=factor.key,
                 low=factor.low,
                 high=factor.high,
-                at_low=at_low if has_ends else None,
-                at_high=at_high if has_ends else None,
+                at_low=None,
+                at_high=None,
                 first_order=shares.first_order[number],
                 total=shares.total[number],
             )
+            if has_ends:
+                at_low, at_high = map(float, shares.ends[number])
+                effect = replace(effect, at_low=at_low, at_high=at_high)
             effects.append(effect)
         return sorted(effects, key=lambda effect: -effect.total.mean)
 

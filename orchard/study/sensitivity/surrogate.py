@@ -134,7 +134,10 @@ def _luck(results: Sequence[Sequence[float]]) -> Array:
     """Return the variance of the runs of each point, which differ only in their seeds."""
     variances = []
     for of_point in results:
-        variances.append(np.var(of_point, ddof=1) if len(of_point) > 1 else 0.0)
+        if len(of_point) > 1:
+            variances.append(float(np.var(of_point, ddof=1)))
+        else:
+            variances.append(0.0)
     return np.array(variances)
 
 

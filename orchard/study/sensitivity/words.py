@@ -139,7 +139,9 @@ def rows_of(result: SensitivityResult) -> list[list[str]]:
 
 def _end(mean: float | None, digits: float) -> str:
     """Return the mean result at an end of a value; '' if it is not told."""
-    return "" if mean is None else number_words(mean, digits)
+    if mean is None:
+        return ""
+    return number_words(mean, digits)
 
 
 def legend(result: SensitivityResult) -> str:

@@ -185,6 +185,20 @@ def test_it_is_known_how_many_replications_would_decide() -> None:
     assert compare(wide, {0: 2, 1: 1}, True, 0.95, 0.02).replications_needed() is None
 
 
+def test_seeds_that_agree_are_decided_at_the_next_look() -> None:
+    """Five equal leads tell nothing, so it takes the ten replications of the look after five."""
+    found = compare({0: [21.4] * 5, 1: [20.0] * 5}, {0: 2, 1: 1}, True, 0.95, 0.02)
+    assert found.undecided == [1]
+    assert found.replications_needed() == 10
+
+
+def test_a_setting_whose_limit_is_behind_is_never_the_answer() -> None:
+    """Not even if its runs are as good, and it has fewer robots."""
+    found = compare({0: [20.0], 1: [20.0]}, {0: 2, 1: 1}, True, 0.95, 0.02, limits={1: 17.0})
+    assert found.best == 0
+    assert found.standing(1) == "worse"
+
+
 def test_a_setting_on_the_edge_does_not_run_for_ever() -> None:
     """A setting on the edge of what is worth it does not take runs for ever.
 

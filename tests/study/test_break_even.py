@@ -54,6 +54,16 @@ def test_a_robot_that_is_bought_is_worth_its_hours() -> None:
     )
 
 
+def test_each_of_two_more_robots_may_cost_half_of_what_both_save() -> None:
+    """With two carriers a bin costs 120 / 10 = 12.
+
+    With four, 15 bins an hour may cost 180: 100 for pickers, 20 for two carriers, 60 for others.
+    """
+    (last,) = break_evens(known(15.0, 4), [known(10.0, 2)], 0.95)
+    assert last.per_hour.mean == pytest.approx(30.0)
+    assert break_even_words(last).startswith("each carrier from number 3 to 4 pays if it costs up")
+
+
 def test_settings_that_differ_in_more_tell_no_break_even() -> None:
     assert break_evens(known(12.0, 3), [known(10.0, 2, pickers=3)], 0.95) == []
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from docs import carrier, scenario
 from orchard.behaviour import tractor, walker, weed
+from orchard.field import lanes, placement
 from orchard.field import layout as field
-from orchard.field import placement
 from orchard.field.geometry import Rect
 from orchard.field.kinds import AROUND, EIGHTH, KINDS, LASER_RANGE, Kind, Laser
 from orchard.field.layout import Layout, lay_out
@@ -128,8 +128,8 @@ def _field(layout: Layout) -> str:
         (
             "tree lines",
             f"""one more than rows, and in a survey two where rows are missing; the first at
-            y = {field.TREE_TOP_LINE:g}, or so far south that the first lane lies at
-            y = {field.FIRST_LANE:g}; each next one row_width + {TRUNK:g} m further south""",
+            y = {lanes.TREE_TOP_LINE:g}, or so far south that the first lane lies at
+            y = {lanes.FIRST_LANE:g}; each next one row_width + {TRUNK:g} m further south""",
         ),
         ("trees in a line", _every(layout.lines[0].trees_x)),
         ("posts in a line", f"{_every(layout.lines[0].posts_x)}: halfway between trees"),
@@ -140,7 +140,7 @@ def _field(layout: Layout) -> str:
         ),
         (
             "picked part of a row",
-            f"x = {field.ROW_WEST:g} to {layout.row_east:g}, or back: {layout.row_length:g} m",
+            f"x = {lanes.ROW_WEST:g} to {layout.row_east:g}, or back: {layout.row_length:g} m",
         ),
         (
             "driveway",
@@ -151,7 +151,7 @@ def _field(layout: Layout) -> str:
     ]
     text = f"""Fruit is not modelled. The code is `orchard/field/layout.py`. The table is for rows
 of {USUAL_ROW:g} m with the bay at its usual place. `row_length` moves the rows' east ends, and
-everything east of them; a line of trees then has as many trees as fit up to {field.LAST_TREE:g} m
+everything east of them; a line of trees then has as many trees as fit up to {lanes.LAST_TREE:g} m
 before the row's end. `bay` moves the bay east along the top road. Each further place of `bays`
 makes it {CLOSED_UP:g} m longer in the west."""
     return _section("The field", _points_of(rows), text)
@@ -197,7 +197,7 @@ def _starts(layout: Layout) -> Iterator[Sequence[str]]:
     yield (
         "picker",
         (
-            f"x = {field.ROW_WEST:g} on the centre line of its first row, facing east, a bin behind"
+            f"x = {lanes.ROW_WEST:g} on the centre line of its first row, facing east, a bin behind"
             f" it; every second one x = {field.EAST_START:g}, facing west"
         ),
     )

@@ -6,16 +6,15 @@ Metres, in the frame `map`: x east, y north.
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from itertools import pairwise
-from math import ceil
-from statistics import fmean, median
+from statistics import fmean
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from orchard.field.geometry import EAST, WEST, Pose, Rect
 from orchard.field.kinds import KINDS, Kind, name_of
+from orchard.field.lanes import ROW_WEST, Lane, TreeLine, alike, surveyed
 from orchard.field.machines import Machine, machine_of
 from orchard.field.passes import Pass, passes_in
 from orchard.field.picking import picking_speed_of
@@ -35,13 +34,7 @@ from orchard.field.queue import (
 from orchard.field.rows import Block, rows_to_pickers
 from orchard.field.scenario import Scenario
 from orchard.field.survey import (
-    FURTHEST,
-    MISSING,
-    ROUNDING,
     TRUNK,
-    Survey,
-    SurveyedRow,
-    spacing_of,
 )
 
 # Layouts in the cache.
@@ -58,20 +51,8 @@ TOP = 34.0
 ABOVE_QUEUE = 3.5
 FENCE_THICKNESS = 1.0
 FENCE_HEIGHT = 2.5
-# y of the northernmost line of trees, unless the first lane would lie further north than roads and
-# turns north of it allow.
-TREE_TOP_LINE = 13.5
-FIRST_LANE = 10.85
-# x of the first tree.
-FIRST_TREE = -34.5
-# From tree to tree.
-TREE_PITCH = 6.0
-# The last tree is at least so far from the row's end.
-LAST_TREE = 3.0
 # From the last tree line to the bottom fence's centre line.
 BELOW_ROWS = 21.0
-# x of the west end of the picked part of a row.
-ROW_WEST = -35.5
 # x of a picker that starts at an east end: where pickers wait for bins, off both roads.
 EAST_START = 41.0
 DRIVEWAY = Rect(-34.67 - 15.0, 28.51 - 5.0, -34.67 + 15.0, 28.51 + 5.0)
@@ -80,48 +61,6 @@ DRIVEWAY = Rect(-34.67 - 15.0, 28.51 - 5.0, -34.67 + 15.0, 28.51 + 5.0)
 BAY = Rect(-34.5, 23.6, -29.5, 25.4)
 # m by which a carrier must be further in, as it measures it, than its bin must.
 INTO_BAY = 0.5
-
-
-@dataclass(frozen=True)
-class Lane:
-    """A row that is picked, between two tree lines. Rows count from 1 at the top."""
-
-    number: int
-    #: y of its centre line, m.
-    y: float
-    #: m/s, from end to end.
-    picking_speed: float
-    #: x of the west end of its picked part, m.
-    west: float
-    #: m, of its picked part.
-    length: float
-    #: m between its trees; twice the nearer side, if its centre line is not in the middle.
-    width: float
-
-    @property
-    def east(self) -> float:
-        """x of the east end of its picked part, m."""
-        return self.west + self.length
-
-
-class TreeLine(NamedTuple):
-    """A line of trees: y, and the x from and up to which it has rows beside it, m."""
-
-    y: float
-    west: float
-    east: float
-
-    @property
-    def trees_x(self) -> tuple[float, ...]:
-        """x of each tree, m. Trees of all lines stand in one grid, for the wires across."""
-        first = ceil((self.west - ROW_WEST) / TREE_PITCH - 1e-9)
-        last = int((self.east - LAST_TREE - FIRST_TREE) / TREE_PITCH + 1e-9)
-        return tuple(FIRST_TREE + TREE_PITCH * i for i in range(first, last + 1))
-
-    @property
-    def posts_x(self) -> tuple[float, ...]:
-        """x of each post, m: halfway between two trees."""
-        return tuple(x + TREE_PITCH / 2 for x in self.trees_x[:-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -388,14 +327,6 @@ def lay_out(scenario: Scenario) -> Layout:
     return _laid_out(scenario.model_dump_json())
 
 
-def top_line(to_first_lane: float) -> float:
-    """Return y of the northernmost line of trees, m. `to_first_lane`: from it to the first lane."""
-    return min(TREE_TOP_LINE, FIRST_LANE + to_first_lane)
-
-
-Rows = tuple[tuple[Lane, ...], tuple[TreeLine, ...]]
-
-
 @dataclass(frozen=True)
 class Geometry:
     """A layout as a key for what depends on no seed: the speeds of rows are none of it."""
@@ -430,9 +361,9 @@ def _laid_out(text: str) -> Layout:
         for row in block.rows:
             speeds[row] = picking_speed_of(scenario, row, picker)
     if scenario.survey is None:
-        lanes, lines = _alike(scenario, speeds)
+        lanes, lines = alike(scenario, speeds)
     else:
-        lanes, lines = _surveyed(scenario.survey, speeds)
+        lanes, lines = surveyed(scenario.survey, speeds)
     bare = Layout(
         scenario=scenario,
         lanes=lanes,
@@ -461,101 +392,6 @@ def _moving_order(start: Start) -> tuple[bool, bool, str]:
     """
     kind = KINDS[start.kind]
     return not kind.robot, not kind.solid, start.name
-
-
-def _alike(scenario: Scenario, speeds: Mapping[int, float]) -> Rows:
-    """Return the lanes and lines of trees of rows that are all alike.
-
-    `speeds`: row -> how fast it is picked, m/s.
-    """
-    pitch = spacing_of(scenario.row_width)
-    top = top_line(pitch / 2)
-    length = scenario.row_length
-    lanes = []
-    for number in range(1, scenario.rows + 1):
-        y = top - (number - 0.5) * pitch
-        lane = Lane(
-            number=number,
-            y=y,
-            picking_speed=speeds[number],
-            west=ROW_WEST,
-            length=length,
-            width=scenario.row_width,
-        )
-        lanes.append(lane)
-    lines = []
-    for number in range(scenario.rows + 1):
-        lines.append(TreeLine(top - number * pitch, ROW_WEST, ROW_WEST + length))
-    return tuple(lanes), tuple(lines)
-
-
-def _surveyed(survey: Survey, speeds: Mapping[int, float]) -> Rows:
-    """Return the lanes of surveyed rows. A line of trees lies midway between two of them.
-
-    Where rows are missing, or a road passes, each of the two has a line of trees of its own, as far
-    away as midway between two rows elsewhere. `speeds`: row -> how fast it is picked, m/s.
-    """
-    souths_of_lines = _souths_of_lines([row.south for row in survey.rows])
-    first = souths_of_lines[0][0]
-    top = top_line(survey.rows[0].south - first)
-    lanes = []
-    for number, row in enumerate(survey.rows, start=1):
-        north = top - (souths_of_lines[number - 1][-1] - first)
-        south = top - (souths_of_lines[number][0] - first)
-        y = top - (row.south - first)
-        lanes.append(_lane(number, row, speeds[number], y, min(north - y, y - south)))
-    lines = []
-    for i, of_gap in enumerate(souths_of_lines):
-        beside = lanes[max(0, i - 1) : i + 1]
-        if len(of_gap) == 1:
-            west = min(lane.west for lane in beside)
-            east = max(lane.east for lane in beside)
-            lines.append(TreeLine(top - (of_gap[0] - first), west, east))
-        else:
-            # Of two lines each is as long as the row on its own side.
-            for line, lane in zip(of_gap, beside, strict=True):
-                lines.append(TreeLine(top - (line - first), lane.west, lane.east))
-    return tuple(lanes), tuple(lines)
-
-
-def _souths_of_lines(souths: list[float]) -> list[list[float]]:
-    """Return how far south the lines of trees lie, m.
-
-    They are that before the first row, those in each gap, and that after the last row. `souths`:
-    how far south each row lies, m.
-    """
-    gaps = [south - north for north, south in pairwise(souths)]
-    usual = median(gap for gap in gaps if gap <= FURTHEST + ROUNDING)
-    between = [_lines_between(north, south, usual) for north, south in pairwise(souths)]
-    first = 2 * souths[0] - between[0][0]
-    last = 2 * souths[-1] - between[-1][-1]
-    return [[first], *between, [last]]
-
-
-def _lines_between(north: float, south: float, usual: float) -> list[float]:
-    """Return how far south the lines of trees between two rows lie, m.
-
-    `north`, `south`: how far south the rows lie. `usual`: from a row to the next one elsewhere, m.
-    """
-    if south - north <= MISSING * usual:
-        return [(north + south) / 2]
-    return [north + usual / 2, south - usual / 2]
-
-
-def _lane(number: int, row: SurveyedRow, speed: float, y: float, beside: float) -> Lane:
-    """Return the lane of a surveyed row.
-
-    `speed`: at which it is picked, m/s. `y`: of its centre line; `beside`: from there to the nearer
-    line of trees, m.
-    """
-    return Lane(
-        number=number,
-        y=y,
-        picking_speed=speed,
-        west=ROW_WEST + row.start,
-        length=row.length,
-        width=2 * beside - TRUNK,
-    )
 
 
 def _fences(layout: Layout) -> list[tuple[float, float, float, float]]:

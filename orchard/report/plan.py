@@ -7,7 +7,8 @@ import math
 
 from orchard.field.geometry import Pose, Rect, nearest_heading
 from orchard.field.kinds import KINDS, kind_of, number_of
-from orchard.field.layout import DRIVEWAY, X_WEST, Lane, Layout
+from orchard.field.lanes import Lane
+from orchard.field.layout import DRIVEWAY, X_WEST, Layout
 from orchard.plans.routes import route_of
 from orchard.report.summary import clock
 from orchard.sim.world import World

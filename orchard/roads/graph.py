@@ -17,7 +17,8 @@ from msgspec import structs
 
 from orchard.field.geometry import Pose
 from orchard.field.kinds import KINDS
-from orchard.field.layout import Lane, Layout
+from orchard.field.lanes import Lane
+from orchard.field.layout import Layout
 from orchard.field.machines import Machine
 from orchard.field.queue import CLOSED_UP
 from orchard.plans.robot import Gate, Step

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orchard.field.layout import TREE_PITCH
+from orchard.field.lanes import TREE_PITCH
 from orchard.surveys.choosing import listed
 from orchard.surveys.features import Feature
 from orchard.surveys.rows import SurveyedLine, direction_of

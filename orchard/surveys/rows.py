@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from orchard.field.layout import ROW_WEST, lay_out
+from orchard.field.lanes import ROW_WEST
+from orchard.field.layout import lay_out
 from orchard.field.queue import LONGEST_ROW, SHORTEST_ROW
 from orchard.field.scenario import Scenario, check
 from orchard.field.survey import CLOSEST, SurveyedRow, faults_of

@@ -4,7 +4,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from orchard.field.kinds import VEHICLES
-from orchard.field.layout import ROW_WEST, Layout
+from orchard.field.lanes import ROW_WEST
+from orchard.field.layout import Layout
 from orchard.view import legend, palette
 from orchard.view.columns import TIMELINE
 from orchard.view.focus import FOCUS

@@ -10,7 +10,8 @@ import rerun as rr
 
 from orchard.contract.agent import State
 from orchard.field.kinds import ANIMALS, HAULERS, KINDS, PEOPLE, VEHICLES
-from orchard.field.layout import Lane, Layout
+from orchard.field.lanes import Lane
+from orchard.field.layout import Layout
 from orchard.field.placement import Start
 from orchard.field.scenario import TIME_STEP
 from orchard.view import palette

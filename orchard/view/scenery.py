@@ -18,7 +18,8 @@ import rerun as rr
 
 from orchard.field import layout as field
 from orchard.field.geometry import Rect
-from orchard.field.layout import Lane, Layout, TreeLine
+from orchard.field.lanes import Lane, TreeLine
+from orchard.field.layout import Layout
 from orchard.view import palette
 from orchard.view.palette import Colour
 

@@ -16,7 +16,8 @@ from orchard.contract.mail import given_by
 from orchard.contract.messages import unpack
 from orchard.field.geometry import Pose, Twist
 from orchard.field.kinds import KINDS, LASER_NEAREST, LASER_RANGE, Kind, Laser, kind_of
-from orchard.field.layout import ROW_WEST, Layout
+from orchard.field.lanes import ROW_WEST
+from orchard.field.layout import Layout
 from orchard.field.machines import Machine
 from orchard.field.repeatable import sin_cos
 from orchard.wire import messages as wire

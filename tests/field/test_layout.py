@@ -16,7 +16,8 @@ from orchard.field import layout as layouts
 from orchard.field import placement
 from orchard.field.geometry import HEADINGS, WEST, Pose, from_frame
 from orchard.field.kinds import ANIMALS, KINDS, PEOPLE, kind_of, name_of
-from orchard.field.layout import BAY, DRIVEWAY, ROW_WEST, Layout, lay_out
+from orchard.field.lanes import ROW_WEST
+from orchard.field.layout import BAY, DRIVEWAY, Layout, lay_out
 from orchard.field.placement import Start
 from orchard.field.scenario import Animals, People, Scenario
 

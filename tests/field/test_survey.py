@@ -11,7 +11,8 @@ from made_surveys import UNEQUAL, Row, orchard_of, rows
 from stage import Stage
 
 from orchard.discrete.harvest import DiscreteHarvest
-from orchard.field.layout import ROW_WEST, lay_out
+from orchard.field.lanes import ROW_WEST
+from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.queue import ONE_WAY, TWO_WAY
 from orchard.field.scenario import Scenario, check, parse, to_short_yaml, to_yaml, with_changes

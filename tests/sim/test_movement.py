@@ -13,7 +13,7 @@ from raycaster import world_of
 
 from orchard.field.geometry import EAST, NORTH, Pose, Twist
 from orchard.field.kinds import ANIMALS, KINDS, PEOPLE
-from orchard.field.layout import ROW_WEST
+from orchard.field.lanes import ROW_WEST
 from orchard.field.repeatable import PI
 from orchard.plans import sense
 from orchard.report.metrics import collisions

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from orchard.contract.messages import PickFrom, Uncouple
 from orchard.field.geometry import EAST, Pose, Twist
-from orchard.field.layout import BAY, ROW_WEST
+from orchard.field.lanes import ROW_WEST
+from orchard.field.layout import BAY
 from orchard.sim.physics import harvest_is_over
 
 

@@ -12,7 +12,8 @@ from raycaster import world_of
 from orchard.contract.messages import Deed
 from orchard.field.geometry import EAST, Pose, Twist
 from orchard.field.kinds import ANIMALS, PEOPLE
-from orchard.field.layout import ROW_WEST, Layout, lay_out
+from orchard.field.lanes import ROW_WEST
+from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
 from orchard.sim.kernels.boxes import RADIUS, overlap, place
 from orchard.sim.physics import step

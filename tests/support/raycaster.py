@@ -10,7 +10,8 @@ import numpy as np
 
 from orchard.field.geometry import Pose
 from orchard.field.kinds import KINDS, LASER_RANGE
-from orchard.field.layout import ROW_WEST, Lane, Layout
+from orchard.field.lanes import ROW_WEST, Lane
+from orchard.field.layout import Layout
 from orchard.field.placement import Start
 from orchard.field.scenario import Animals, People, Scenario
 from orchard.sim.world import World

@@ -29,6 +29,7 @@ from orchard.field.scenario.names import (
     ROW_ORDERS,
     ROW_RULES,
 )
+from orchard.field.scenario.prices import Prices
 from orchard.field.scenario.schema import Scenario, other_ways
 from orchard.field.scenario.sections import (
     LEAST_CV,
@@ -40,7 +41,6 @@ from orchard.field.scenario.sections import (
     Failure,
     LaserSettings,
     People,
-    Prices,
     Spread,
 )
 from orchard.field.scenario.shift import WorkShift

@@ -44,6 +44,7 @@ from orchard.field.scenario.names import (
     ROW_ORDERS,
     ROW_RULES,
 )
+from orchard.field.scenario.prices import Prices
 from orchard.field.scenario.sections import (
     LEAST_CV,
     WIDEST,
@@ -55,7 +56,6 @@ from orchard.field.scenario.sections import (
     LoadOut,
     People,
     Picking,
-    Prices,
     SensorSettings,
     Spread,
 )

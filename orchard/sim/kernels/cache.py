@@ -32,7 +32,7 @@ It removes the folder when no program has used it for a day.
 _HERE = Path(__file__).parent
 _FIELD = _HERE.parent.parent / "field"
 # The modules of `orchard.field` that have constants and functions for the kernels.
-_FIELD_MODULES = ("kinds", "layout", "passes", "queue", "repeatable", "ticks")
+_FIELD_MODULES = ("kinds", "lanes", "layout", "passes", "queue", "repeatable", "ticks")
 _SOURCES = [
     *sorted(_HERE.glob("*.py")),
     *(_FIELD / f"{module}.py" for module in _FIELD_MODULES),

@@ -98,9 +98,12 @@ def host(
     while True:
         sessions_left -= 1
         is_last = sessions_left == 0
+        tries = TRIES
+        if not is_last:
+            tries = TRIES // SESSIONS
         try:
             with opened(inbox) as bus:
-                agents = _host(bus, options, identity, TRIES if is_last else TRIES // SESSIONS)
+                agents = _host(bus, options, identity, tries)
                 ready(agents)
                 agents.run()
         except HostEnded as end:

@@ -62,15 +62,15 @@ class RunSettings:
     @cached_property
     def problems(self) -> dict[str, str]:
         """What is wrong with the settings, by name."""
-        found = {}
+        words_by_name = {}
         if not self.is_fastest:
-            found["speed"] = self._speed_problem()
+            words_by_name["speed"] = self._speed_problem()
         if not self.is_whole_harvest:
-            found["duration"] = number_problem(
+            words_by_name["duration"] = number_problem(
                 self.duration, DURATIONS, also="; empty: the whole harvest"
             )
         problems = {}
-        for name, problem in found.items():
+        for name, problem in words_by_name.items():
             if problem:
                 problems[name] = f"{SETTINGS[name]}: {problem}"
         return problems

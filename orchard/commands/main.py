@@ -34,20 +34,17 @@ app = LazyGroup({"harvest": HARVEST, **COMMANDS}, name="orchard")
 
 def main() -> None:
     """Run a command of the command line; `harvest` is the default. Raises SystemExit."""
-    arguments = sys.argv[1:]
-    has_command = bool(arguments) and arguments[0] in ("harvest", *COMMANDS)
     try:
-        _check_folder()
-        command = app if has_command else command_of("harvest", HARVEST)
-        code = command(arguments, standalone_mode=False) or FINISHED
-        # stderr has said why stdout cannot be written.
-        raise SystemExit(FAILED if code == FINISHED and is_answer_lost() else code)
+        raise SystemExit(_run(sys.argv[1:]))
     except TyperException as error:
         print_error(fault_of(error))
         raise SystemExit(error.exit_code) from None
     except OSError as error:
         is_of_stdout = error.errno in (errno.EBADF, errno.ENOSPC) and not error.filename
-        print_error(unwritten("stdout", error) if is_of_stdout else in_words(error))
+        if is_of_stdout:
+            print_error(unwritten("stdout", error))
+        else:
+            print_error(in_words(error))
         raise SystemExit(BAD_INPUT) from None
     finally:
         console.end()
@@ -55,6 +52,20 @@ def main() -> None:
         # Else the process visits all objects once more before it ends: a fifth of the time of a
         # short command.
         gc.freeze()
+
+
+def _run(arguments: list[str]) -> int:
+    """Run the command that the arguments name, and return the exit code."""
+    _check_folder()
+    if arguments and arguments[0] in ("harvest", *COMMANDS):
+        command = app
+    else:
+        command = command_of("harvest", HARVEST)
+    code: int = command(arguments, standalone_mode=False) or FINISHED
+    if code == FINISHED and is_answer_lost():
+        # stderr has said why stdout cannot be written.
+        return FAILED
+    return code
 
 
 def _check_folder() -> None:

@@ -1,5 +1,6 @@
 """The first difference between two pieces of plain data, with its place in them."""
 
+from collections.abc import Collection
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -39,17 +40,18 @@ def _is_same(before: Any, after: Any) -> bool:
     if kind is not type(after):
         return kind is int and type(after) is float and bool(before == after)
     if kind is dict:
-        return (
-            len(before) == len(after)
-            and all(map(_is_same, before, after))
-            and all(map(_is_same, before.values(), after.values()))
-        )
+        return _are_same(before, after) and _are_same(before.values(), after.values())
     if kind is list or kind is tuple:
-        return len(before) == len(after) and all(map(_is_same, before, after))
+        return _are_same(before, after)
     if kind not in _SIMPLE and (names := _names_in(before)):
         return all(_is_same(getattr(before, name), getattr(after, name)) for name in names)
     # Not a number is the same as not a number.
     return bool(before == after or before != before)  # noqa: PLR0124
+
+
+def _are_same(before: Collection[Any], after: Collection[Any]) -> bool:
+    """Whether two collections have the same values, in the same order."""
+    return len(before) == len(after) and all(map(_is_same, before, after))
 
 
 def parts_of(data: Any, where: str) -> list[tuple[str, Any]]:

@@ -325,12 +325,12 @@ class Repetition:
         `broken`.
         """
         try:
-            other = ask(_copy_of(self._made))
+            repeated = ask(_copy_of(self._made))
         except MISTAKES as error:
             reraise_ctrl_c(error)
             words = f"its answer: an action, then, asked again, {type(error).__name__}: {error}"
         else:
-            words = difference(action, other, "its answer")
+            words = difference(action, repeated, "its answer")
         # The guard itself refuses what is no action.
         if words and isinstance(action, Action):
             if not self._is_logged:

@@ -40,10 +40,10 @@ def given_by(action: Action) -> list[Given]:
     """Return the answers of an action, each with the number of its request in place of the
     request.
     """
-    given = []
+    answers = []
     for heard, answer in action.answers:
-        given.append(Given(heard.sender, heard.tick, heard.number, answer))
-    return given
+        answers.append(Given(heard.sender, heard.tick, heard.number, answer))
+    return answers
 
 
 def copy_of(mail: Mail) -> Mail:

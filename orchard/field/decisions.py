@@ -30,9 +30,9 @@ def decision_at(model: type[BaseModel], path: str) -> Decision | None:
         field = inside.model_fields.get(name) if is_section else None
         if field is None:
             return None
-        said = [mark for mark in field.metadata if isinstance(mark, Decision)]
-        if said:
-            return said[0]
+        marks = [mark for mark in field.metadata if isinstance(mark, Decision)]
+        if marks:
+            return marks[0]
         inside = field.annotation
     return None
 

@@ -167,7 +167,8 @@ def passes_of(
             ends_row = unpicked.length - bin_.room <= FULL_WITHIN
             first, last = unpicked.towards(end)
             if ends_row:
-                begin, stop = first, last
+                begin = first
+                stop = last
             else:
                 begin, stop = _part(order, first, last, bin_.room)
             bin_ = bin_.with_more(unpicked.length)

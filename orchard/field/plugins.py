@@ -160,8 +160,8 @@ def unusable(
     """
     reraise_ctrl_c(error)
     fault = printable(f"{type(error).__name__}: {text_of(error)}", 500)
-    found = place_of_error(error) or place or _place_of_unimported(path)
-    words = f"cannot be used: {fault}{found}"
+    own_place = place_of_error(error) or place or _place_of_unimported(path)
+    words = f"cannot be used: {fault}{own_place}"
     if wanted:
         words = f"{words}; it must be {wanted}"
     elif _is_not_found(error, path):
@@ -245,23 +245,20 @@ def place_of_error(error: BaseException) -> str:
     """
     if isinstance(error, SyntaxError) and error.filename is not None:
         return f" ({error.filename}, line {error.lineno})"
-    frames = []
-    own = []
+    # The innermost places, from the outside to the inside, in any file but the program's own.
+    innermost = ""
+    innermost_of_user = ""
     for frame in traceback.extract_tb(error.__traceback__):
         if "importlib" in frame.filename or frame.filename.startswith(_PACKAGE):
             continue
-        frames.append(frame)
+        innermost = f" ({frame.filename}, line {frame.lineno})"
         if not frame.filename.startswith(_LIBRARIES):
-            own.append(frame)
-    if not own and error.__cause__ is not None:
-        place = place_of_error(error.__cause__)
-        if place:
-            return place
-    candidates = own or frames
-    if not candidates:
-        return ""
-    innermost = candidates[-1]
-    return f" ({innermost.filename}, line {innermost.lineno})"
+            innermost_of_user = innermost
+    if innermost_of_user:
+        return innermost_of_user
+    if error.__cause__ is not None:
+        return place_of_error(error.__cause__) or innermost
+    return innermost
 
 
 def is_own(file: str) -> bool:

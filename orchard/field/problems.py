@@ -263,16 +263,22 @@ def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
     """The allowed values of a field: 'a number from 5.0 to 12.0 (width of a row between its trees,
     m)'.
     """
-    if path[0] in _MAPS:
-        of_map, of_value = _MAPS[path[0]]
-        if len(path) == 1:
+    key = path[0]
+    is_whole_key = len(path) == 1
+    if key in _MAPS:
+        of_map, of_value = _MAPS[key]
+        if is_whole_key:
             return of_map
         return of_value
-    if path[0] in _CLASSES:
-        if len(path) == 1:
-            return _CLASSES[path[0]]
+    if key in _CLASSES and is_whole_key:
+        return _CLASSES[key]
+    if key in _CLASSES:
         return "the class that drives it, such as my_package.MyPicker"
-    field = _field(path, model)
+    return _wanted_of_field(path, _field(path, model))
+
+
+def _wanted_of_field(path: tuple[str, ...], field: FieldInfo) -> str:
+    """Return the allowed values of a field that is no map of names, nor of classes."""
     limits = {type(limit).__name__: limit for limit in field.metadata}
     if "Called" in limits:
         return f"{limits['Called'].words} ({field.description})"

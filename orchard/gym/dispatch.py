@@ -336,7 +336,9 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
 
         `goes_on`: whether the episode does.
         """
-        now, bins, carriers = decision.now, decision.bins, decision.carriers
+        now = decision.now
+        bins = decision.bins
+        carriers = decision.carriers
         self._scripted = self._policy.orders(now, bins, carriers)
         self._orders = []
         if goes_on and decision.is_open:

@@ -171,10 +171,7 @@ class DispatchVecEnv(VectorEnv[Arrays, np.ndarray, np.ndarray]):
         if isinstance(seed, (list, tuple, np.ndarray)):
             seeds = [plain(own) for own in seed]
         elif isinstance(seed, (int, np.integer)):
-            most = MOST_SEED - self.num_envs + 1
-            if not 0 <= seed <= most:
-                raise ValueError(f"seed {seed}: must be a whole number from 0 to {most}")
-            seeds = [int(seed) + number for number in range(self.num_envs)]
+            return self._seeds_from(int(seed))
         for own in seeds:
             is_seed = own is None or (isinstance(own, int) and 0 <= own <= MOST_SEED)
             if not is_seed:
@@ -184,6 +181,13 @@ class DispatchVecEnv(VectorEnv[Arrays, np.ndarray, np.ndarray]):
                 f"seed: {len(seeds)} of them; must be one, or one for each of {self.num_envs}"
             )
         return seeds
+
+    def _seeds_from(self, first: int) -> list[int | None]:
+        """Return a seed for each orchard, from the first one on. Raises ValueError for others."""
+        most = MOST_SEED - self.num_envs + 1
+        if not 0 <= first <= most:
+            raise ValueError(f"seed {first}: must be a whole number from 0 to {most}")
+        return list(range(first, first + self.num_envs))
 
     def _checked(self, actions: Any) -> np.ndarray:
         """Return actions as an array of whole numbers. Raises ValueError for others."""

@@ -68,18 +68,18 @@ def ask(
     for _ in range(tries):
         ticket = object()
         bus.ask(key, payload, ticket, seconds)
-        errors: list[ErrorReply | ScenarioError] = []
+        first_error: ErrorReply | ScenarioError | None = None
         for reply in _replies_to(bus, ticket, handle, meanwhile):
             if reply.error == TIMED_OUT:
                 continue
             try:
                 return _understood(reply, key, understand)
             except (ErrorReply, ScenarioError) as error:
-                errors.append(error)
+                first_error = first_error or error
             except (Refused, ValueError) as error:
                 _note(refusals, key, error)
-        if errors:
-            raise errors[0]
+        if first_error is not None:
+            raise first_error
         bus.sleep(AGAIN_SECONDS)
     raise BusError(f"{key}: no reply; is the physics process running, with the same prefix?")
 

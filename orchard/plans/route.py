@@ -196,31 +196,31 @@ class OneWay:
             came_over = True
         return steps
 
-    def go_on(self, one: Pass, after: Pass | None) -> list[Step]:
+    def go_on(self, current: Pass, after: Pass | None) -> list[Step]:
         """Return a picker's way from the end of one pass to the head of the next.
 
         `after`: the next pass; None: the way leads to where the picker parks.
         """
-        side = self.sides[one.end]
-        if one.leaves_bin:
-            steps = self.swap_bins(one.row, side)
+        side = self.sides[current.end]
+        if current.leaves_bin:
+            steps = self.swap_bins(current.row, side)
         else:
-            steps = self.drive_out(one.row, side)
+            steps = self.drive_out(current.row, side)
         if after is None:
-            return steps + self.park(one.row, side)
-        return steps + self.foresee(after) + self.go_to_next_row(one.row, after.row, side)
+            return steps + self.park(current.row, side)
+        return steps + self.foresee(after) + self.go_to_next_row(current.row, after.row, side)
 
-    def foresee(self, one: Pass) -> list[Step]:
+    def foresee(self, current: Pass) -> list[Step]:
         """Return the steps in which a picker prepares a pass.
 
         It announces to its bin where it will be left, unless each row fills one; and it sets from
         where it picks, if that is inside the row.
         """
         steps: list[Step] = []
-        if self.layout.scenario.bin_metres and one.leaves_bin:
-            steps.append(st.Announce(one.row, one.end, one.fill))
-        if one.is_inside:
-            steps.append(st.BeginPickingAt(one.begin))
+        if self.layout.scenario.bin_metres and current.leaves_bin:
+            steps.append(st.Announce(current.row, current.end, current.fill))
+        if current.is_inside:
+            steps.append(st.BeginPickingAt(current.begin))
         return steps
 
     def fetch(self, carrier: int, lane: int, side: Side, picker: str, full_bin: str) -> list[Step]:
@@ -284,8 +284,10 @@ class OneWay:
         bottom = self.layout.lanes[-1].y
         head = self.queue.head
         # x of both roads on the east and on the west side.
-        d, west_d = self.east.x(self.D_ROAD), self.west.x(self.D_ROAD)
-        f, west_f = self.east.x(self.F_ROAD), self.west.x(self.F_ROAD)
+        d = self.east.x(self.D_ROAD)
+        f = self.east.x(self.F_ROAD)
+        west_d = self.west.x(self.D_ROAD)
+        west_f = self.west.x(self.F_ROAD)
         loop_d = [
             (head, TOP_ROAD),
             (d, TOP_ROAD),
@@ -363,14 +365,14 @@ class OneWay:
             return []
         return [st.Say(f"driving to row {row}", "driving"), *self.turn_in(row, self.east)]
 
-    def pick(self, one: Pass, came_over: bool) -> list[Step]:
+    def pick(self, current: Pass, came_over: bool) -> list[Step]:
         """Drive through a row, and pick a part of it.
 
         Leave a full bin in the lane's mouth. `came_over`: whether the picker has come over the
         roads.
         """
-        row = one.row
-        side = self.sides[one.end]
+        row = current.row
+        side = self.sides[current.end]
         opposite = self.opposite(side)
         end = self.end(row, side)
         speed = self.layout.lane(row).picking_speed
@@ -380,29 +382,29 @@ class OneWay:
         cross = self.cross(side, row, self.hold(row, side))
         through = st.Say(f"driving through row {row}", "driving")
         steps: list[Step] = []
-        if one.begin != self.end(row, opposite):
-            steps += [through, st.DriveTo(x=one.begin, needs=cross, frees=frees)]
+        if current.begin != self.end(row, opposite):
+            steps += [through, st.DriveTo(x=current.begin, needs=cross, frees=frees)]
         steps.append(st.Say(f"picking row {row}", "picking"))
         scenario = self.layout.scenario
         absences = absences_of(scenario, self.layout.picker_of(row))
         steps += self.may_fail(scenario.picking.failure, absences)
-        steps.append(st.DriveTo(x=one.stop, speed=speed, needs=cross, frees=frees))
-        if one.stop != end:
+        steps.append(st.DriveTo(x=current.stop, speed=speed, needs=cross, frees=frees))
+        if current.stop != end:
             steps += [through, st.DriveTo(x=end, needs=cross, frees=frees)]
-        if one.leaves_bin:
-            steps += self.leave(one, side, cross)
+        if current.leaves_bin:
+            steps += self.leave(current, side, cross)
         return steps
 
-    def leave(self, one: Pass, side: Side, cross: list[Gate]) -> list[Step]:
+    def leave(self, current: Pass, side: Side, cross: list[Gate]) -> list[Step]:
         """Drive to the lane's mouth, and leave the bin there."""
-        if one.is_full:
+        if current.is_full:
             word = "full"
             metres = self.layout.metres_per_bin
         else:
             word = "last"
-            metres = one.fill
+            metres = current.fill
         return [
-            st.Say(f"leaving the {word} bin of row {one.row}", "handling a bin"),
+            st.Say(f"leaving the {word} bin of row {current.row}", "handling a bin"),
             st.DriveTo(x=side.x(self.FULL_BIN + KINDS["picker"].tows), needs=cross),
             *self.fill(metres),
             st.LeaveBin(),

@@ -113,10 +113,10 @@ def _name(text: str, digest: str = "") -> x509.Name:
 
 
 def _in(name: x509.Name, oid: x509.ObjectIdentifier) -> str:
-    found = name.get_attributes_for_oid(oid)
-    if not found:
+    attributes = name.get_attributes_for_oid(oid)
+    if not attributes:
         return ""
-    return str(found[0].value)
+    return str(attributes[0].value)
 
 
 def _is_label(part: str) -> bool:

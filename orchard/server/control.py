@@ -100,7 +100,9 @@ class SimulationControl:
     ) -> None:
         """`clock`: that of the run, which a pause stops. `tick`: returns the tick of the run."""
         self.clock = clock
-        self._send, self._run, self._tick = send, run, tick
+        self._send = send
+        self._run = run
+        self._tick = tick
         # The state that was published last.
         self._state: StateOfSimulation = "stopped"
         self._begun = self._ended = False

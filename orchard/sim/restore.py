@@ -120,6 +120,6 @@ def _are_pairs(world: World) -> bool:
     return True
 
 
-def _tows(kind: str, other: str) -> bool:
-    """Whether a body of one kind can tow one of the other."""
-    return kind in HAULERS and other == "bin"
+def _tows(kind: str, kind_of_partner: str) -> bool:
+    """Whether a body of one kind can tow one of the kind_of_partner."""
+    return kind in HAULERS and kind_of_partner == "bin"

@@ -172,18 +172,18 @@ class Hitches(Mapping[str, Hitch]):
 
     def __getitem__(self, name: str) -> Hitch:
         i = self._layout.index[name]
-        other = self._coupled.item(i)
-        if other == NONE:
+        partner = self._coupled.item(i)
+        if partner == NONE:
             raise KeyError(name)
-        x, y, z, w, vx, vy, turn = self._states[other].tolist()
+        x, y, z, w, vx, vy, turn = self._states[partner].tolist()
         if name in self._errors:
             x += self._errors[name].item(0)
             y += self._errors[name].item(1)
         scan = None
         if self._tows[i] > 0.0:
-            scan = self._scans[other]
+            scan = self._scans[partner]
         twist = Twist(vx, vy, turn)
-        return Hitch(self._layout.names[other], x, y, (z, w), twist=twist, scan=scan)
+        return Hitch(self._layout.names[partner], x, y, (z, w), twist=twist, scan=scan)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._layout.names_at(np.flatnonzero(self._coupled != NONE).tolist()))

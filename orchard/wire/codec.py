@@ -317,13 +317,19 @@ def _fits(
             return False
     if picture.waiting_bins > (load_out.empty_bins or 0):
         return False
-    if picture.scans is not None:
-        if len(picture.scans) != bodies:
-            return False
-        for name, scan in zip(layout.names, picture.scans, strict=True):
-            if len(scan) != RANGE * _beams_of(name):
-                return False
+    if picture.scans is not None and not _scans_fit(picture.scans, layout):
+        return False
     return len(poses) == bodies
+
+
+def _scans_fit(scans: Sequence[bytes], layout: Layout) -> bool:
+    """Whether there is a scan for each body of a layout, with the ranges of all its beams."""
+    if len(scans) != len(layout.names):
+        return False
+    for name, scan in zip(layout.names, scans, strict=True):
+        if len(scan) != RANGE * _beams_of(name):
+            return False
+    return True
 
 
 def report_of(action: Action, mail: bytes, memory: bytes | None) -> wire.Report:

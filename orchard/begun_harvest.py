@@ -30,12 +30,15 @@ def is_built_in(scenario: Scenario) -> bool:
 def harvest_from(snapshot: Snapshot) -> "EventHarvest | None":
     """Return the harvest that goes on from a snapshot. Its ticks are those of the run.
 
+    It is done by plain Python while the machine is not compiled, so it waits for no compiler.
+
     None if the event model cannot go on from it, or if agents are lost or left to clients
     elsewhere. Raises SnapshotError.
     """
     # It loads numba, which takes a second.
     from orchard.event_model.begun.begin import begin_at
     from orchard.event_model.begun.moment import RunMoment
+    from orchard.event_model.plain import machine_at_hand
 
     if snapshot.elsewhere or snapshot.lost:
         return None
@@ -44,6 +47,7 @@ def harvest_from(snapshot: Snapshot) -> "EventHarvest | None":
         return None
     memories = memories_in(snapshot, make_agents(world.layout))
     try:
-        return begin_at(RunMoment(world, memories, dict(snapshot.letters)))
+        moment = RunMoment(world, memories, dict(snapshot.letters))
+        return begin_at(moment, machine_at_hand())
     except NotImplementedError:
         return None

@@ -20,7 +20,7 @@ from typing import Any
 from orchard.discrete.harvest import get_ready
 from orchard.field.scenario import TICKS_PER_SECOND, check
 from orchard.fork import NotNow
-from orchard.futures.forecasts import FORECAST
+from orchard.futures.forecasts import FORECAST, can_forecast
 from orchard.futures.fork import changes_of
 from orchard.futures.futures import SHOWN, Branch, Futures, mean_of, well_ended
 from orchard.futures.moments import Future, WatchedRun, snapshot_at
@@ -139,7 +139,7 @@ def _can_be_expected(chosen: ForkOptions) -> bool:
     condition = chosen.bisect or ""
     parts = _CONDITION.fullmatch(condition)
     is_given = condition == "jam" or (parts is not None and parts[1] in FORECAST)
-    return is_given and not chosen.stop and chosen.duration is None
+    return is_given and can_forecast(chosen)
 
 
 def expected_search(
@@ -264,7 +264,9 @@ def decision_words(condition: str, bisection: Bisection) -> str:
     if good is None:
         first = clock(min(bisection.lived))
         return f"{condition}: decided before {first}: none of {count} futures ends well."
-    ending = f"some of {count} futures end well" if count > 1 else "the future ends well"
+    ending = "the future ends well"
+    if count > 1:
+        ending = f"some of {count} futures end well"
     if bad is None:
         return f"{condition}: not decided: {ending} from {clock(good)}, the last moment."
     return (
@@ -280,15 +282,29 @@ def _show(bisection: Bisection, expected: Bisection) -> None:
     """
     shown = table(None, "from", "by", "end well", *SHOWN.values())
     for tick in sorted({*bisection.lived, *expected.lived}):
-        is_lived = tick in bisection.lived
-        found = bisection if is_lived else expected
-        of_moment = found.lived[tick]
-        count = f"{found.good_count(tick)} of {len(of_moment)}" if of_moment else "not now"
-        figures = SHOWN if is_lived else FORECAST
-        means = {key: interval_words(mean_of(key, of_moment), " ±") for key in figures}
-        cells = [means.get(key, "") for key in SHOWN]
-        shown.add_row(clock(tick), "simulator" if is_lived else "event model", count, *cells)
+        if tick in bisection.lived:
+            cells = _cells(bisection, tick, SHOWN)
+            shown.add_row(clock(tick), "simulator", *cells)
+        else:
+            cells = _cells(expected, tick, FORECAST)
+            shown.add_row(clock(tick), "event model", *cells)
     console.print(shown)
+
+
+def _cells(found: Bisection, tick: int, figures: Collection[str]) -> list[str]:
+    """Return the cells of the table that tell of a moment: how many futures end well, and means.
+
+    `figures`: those that the futures have.
+    """
+    of_moment = found.lived[tick]
+    count = "not now"
+    if of_moment:
+        count = f"{found.good_count(tick)} of {len(of_moment)}"
+    cells = [count]
+    for key in SHOWN:
+        mean = mean_of(key, of_moment) if key in figures else None
+        cells.append(interval_words(mean, " ±"))
+    return cells
 
 
 def _draw(bisection: Bisection, expected: Bisection, picture: Path) -> None:

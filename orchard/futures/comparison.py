@@ -1,14 +1,22 @@
-"""The futures of one moment, as it was and with changes: `orchard fork --futures`."""
+"""The futures of one moment, as it was and with changes: `orchard fork --futures`.
+
+Where the event model can do them all, it answers first: a future takes it milliseconds, where the
+simulator takes seconds. What it expected then stands beside what the simulator gives.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from rich.table import Table
+
 from orchard.field.scenario import TICKS_PER_SECOND, check
+from orchard.futures.forecasts import EXPECTED_END, can_forecast
 from orchard.futures.fork import changes_of
 from orchard.futures.futures import CONFIDENCE, SHOWN, Branch, Futures, mean_of, well_ended
 from orchard.futures.moments import Future, snapshot_at
 from orchard.futures.options import ForkOptions
+from orchard.sim.snapshot import Snapshot
 from orchard.study.comparing import interval
 from orchard.study.words import interval_words
 from orchard.terminal.output import console, print_error, print_line, table
@@ -28,27 +36,65 @@ def compare_futures(chosen: ForkOptions, folder: Path, futures: Futures) -> dict
     branches = {AS_IT_WAS: Branch({})}
     if any(changed):
         branches[changed.words] = changed
-    lived = futures.live(futures.of(moment, *branches.values()))
-    count = len(lived) // len(branches)
-    of_branch = {
-        words: lived[number * count : (number + 1) * count] for number, words in enumerate(branches)
+    begun = futures.of(moment, *branches.values())
+    names = list(branches)
+    expected = _by_branch(names, _expected(chosen, begun, futures))
+    if changed.words in expected:
+        before = expected[AS_IT_WAS]
+        words = difference_words(changed.words, before, expected[changed.words])
+        print_line(f"Expected by the event model: {words} The simulator now does the same futures.")
+    of_branch = _by_branch(names, futures.live(begun))
+    if changed.words in of_branch:
+        before = of_branch[AS_IT_WAS]
+        print_line(difference_words(changed.words, before, of_branch[changed.words]))
+    _show(of_branch, expected)
+    return {
+        "at_seconds": moment.tick / TICKS_PER_SECOND,
+        "futures": of_branch,
+        "expected_futures": expected,
     }
-    for words, of_changed in of_branch.items():
-        if words != AS_IT_WAS:
-            print_line(difference_words(words, of_branch[AS_IT_WAS], of_changed))
-    _show(of_branch)
-    return {"at_seconds": moment.tick / TICKS_PER_SECOND, "futures": of_branch}
 
 
-def _show(of_branch: dict[str, list[Future]]) -> None:
-    """Print the table of all futures. `of_branch`: what is changed -> its futures."""
+def _expected(chosen: ForkOptions, begun: Sequence[Snapshot], futures: Futures) -> list[Future]:
+    """Return what the event model expects of futures; none if it cannot do one of them.
+
+    `begun`: their first moments.
+    """
+    if not can_forecast(chosen):
+        return []
+    known = [future for future in futures.forecast(begun) if future is not None]
+    return known if len(known) == len(begun) else []
+
+
+def _by_branch(names: Sequence[str], futures: Sequence[Future]) -> dict[str, list[Future]]:
+    """Return the futures of each branch, by its name; nothing without futures."""
+    count = len(futures) // len(names)
+    of_branch = {}
+    for number, name in enumerate(names):
+        if futures:
+            of_branch[name] = list(futures[number * count : (number + 1) * count])
+    return of_branch
+
+
+def _show(of_branch: dict[str, list[Future]], expected: dict[str, list[Future]]) -> None:
+    """Print the table of all futures.
+
+    `of_branch`: what is changed -> its futures. `expected`: the same by the event model, or none.
+    """
     shown = table(None, "", *of_branch)
+    _add_row(shown, EXPECTED_END, "sim_seconds", expected)
     for key, head in SHOWN.items():
-        means = [mean_of(key, lived) for lived in of_branch.values()]
-        shown.add_row(head, *(interval_words(mean, " ±") for mean in means))
+        _add_row(shown, head, key, of_branch)
     counts = [f"{len(well_ended(lived))} of {len(lived)}" for lived in of_branch.values()]
     shown.add_row("ended well", *counts)
     console.print(shown)
+
+
+def _add_row(shown: Table, head: str, key: str, of_branch: dict[str, list[Future]]) -> None:
+    """Add the means of a figure to a table; no row without futures."""
+    if of_branch:
+        means = [mean_of(key, futures) for futures in of_branch.values()]
+        shown.add_row(head, *(interval_words(mean, " ±") for mean in means))
 
 
 def difference_words(words: str, before: Sequence[Future], changed: Sequence[Future]) -> str:

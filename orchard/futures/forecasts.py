@@ -1,16 +1,25 @@
 """Futures that the event model does: each takes milliseconds, where the simulator takes seconds.
 
-They only point to where the simulator shall look. What is answered is what the simulator gives.
+They answer first, and point to where the simulator shall look. What counts is what the simulator
+gives.
 """
 
 from orchard.begun_harvest import harvest_from
 from orchard.field.layout import Layout
 from orchard.futures.moments import Future
+from orchard.futures.options import ForkOptions
 from orchard.report.limits import delivered_full_bins
 from orchard.sim.snapshot import Snapshot
 
 #: Figures of the summary that a forecast has.
 FORECAST = ("sim_seconds", "bins_per_hour")
+#: The head of what a forecast has of the end, in a table.
+EXPECTED_END = "expected to end at, s"
+
+
+def can_forecast(chosen: ForkOptions) -> bool:
+    """Whether the futures that a user asks for are whole harvests in which no robot is stopped."""
+    return not chosen.stop and chosen.duration is None
 
 
 def forecast(job: tuple[int, Snapshot]) -> Future | None:

@@ -36,6 +36,16 @@ def test_a_forecast_is_what_the_simulator_lives(changes, tick):
     assert expected["bins_per_hour"] == pytest.approx(lived["bins_per_hour"], rel=0.005)
 
 
+def test_bins_that_had_called_report_to_the_dispatcher_of_a_fork():
+    """It knows nothing of the parent's calls: a bin that waits is fetched all the same."""
+    first_moment = forked(moment_at(1000, carriers=1), {"carriers": 2})
+    lived = live(FOREVER, (0, first_moment))
+    expected = forecast((0, first_moment))
+    assert expected is not None
+    assert expected["ended"] == lived["ended"] == "harvested"
+    assert expected["sim_seconds"] == pytest.approx(lived["sim_seconds"], abs=0.5)
+
+
 def test_part_full_bins_count_in_a_forecast_as_in_a_run():
     first_moment = moment_at(300, metres_per_bin=17.0)
     lived = live(FOREVER, (0, first_moment))

@@ -125,6 +125,7 @@ def test_the_commands_of_the_documents_about_forks_work(harvest, tmp_path):
     as_it_was, changed = summary_of(path)["futures"].values()
     assert len(as_it_was) == len(changed) == 1
     assert summary_of(path)["futures"]["as it was"][0]["sim_seconds"] == parent["sim_seconds"]
+    assert_is_expected_first(out, summary_of(path)["futures"], summary_of(path)["expected_futures"])
 
     # A future ends well if it gains half of what the change gains from the beginning on.
     limit = parent["sim_seconds"] - gained_seconds / 2.0
@@ -147,6 +148,16 @@ def test_the_commands_of_the_documents_about_forks_work(harvest, tmp_path):
     assert "end well, %" in picture.read_text()
 
 
+def assert_is_expected_first(out, futures, expected):
+    """Assert that the event model answered before the simulator, and nearly the same."""
+    words = "Expected by the event model: With carriers=2 the harvest ends"
+    assert out.index(words) < out.index("\nWith carriers=2 the harvest ends")
+    assert "expected to end at, s" in out
+    for branch, simulated in futures.items():
+        end = simulated[0]["sim_seconds"]
+        assert expected[branch][0]["sim_seconds"] == pytest.approx(end, abs=2.0)
+
+
 @pytest.mark.parametrize("at", ["4:20", "4:27"])
 def test_the_last_of_many_moments_is_tried_too(harvest, at):
     """The last of many moments is tried too also where nothing was kept."""
@@ -156,10 +167,11 @@ def test_the_last_of_many_moments_is_tried_too(harvest, at):
 
 
 def test_a_future_that_is_cut_off_tells_no_end(harvest):
-    """A future that duration cuts off tells nothing of when the harvest ends."""
+    """Such a future is not expected either: the event model tells ends only."""
     words = ("--at", 60, "--futures", 1, "--stop", "picker_02", "--duration", 70)
     out = orchard("fork", harvest[0], *words).stdout
     assert "With picker_02 stopped no pair of futures is harvested to its end." in out
+    assert "xpected" not in out
 
 
 # The options of a fork, and words of the error.

@@ -11,12 +11,15 @@ from orchard.event_model.begun.lines import LinesOfRobots
 from orchard.event_model.begun.moment import RunMoment
 from orchard.event_model.begun.places import PlacesOfRobots
 from orchard.event_model.begun.robots import Doing, NotInPlanError, Robots
-from orchard.event_model.harvest import EventHarvest
+from orchard.event_model.harvest import CarryOn, EventHarvest
+from orchard.event_model.kernel.entry import run
 from orchard.plans.routes import ROUTES
 
 
-def begin_at(moment: RunMoment) -> EventHarvest:
+def begin_at(moment: RunMoment, carry_on: CarryOn = run) -> EventHarvest:
     """Return a harvest that goes on from a moment of a run. Its ticks are those of the run.
+
+    `carry_on`: the machine, compiled or as plain Python.
 
     Raises NotImplementedError for what the event model does not know; NotInPlanError, which is one,
     for a robot that was pushed, or stands because of an emergency stop or with a flat battery.
@@ -27,7 +30,7 @@ def begin_at(moment: RunMoment) -> EventHarvest:
         raise NotInPlanError("an emergency stop holds a robot")
     if layout.scenario.route not in ROUTES:
         raise NotImplementedError("the event model does not go on with a route of your own")
-    harvest = EventHarvest(layout)
+    harvest = EventHarvest(layout, carry_on=carry_on)
     if moment.tick == 0:
         return harvest
     take_over_bay(moment, harvest)
@@ -78,5 +81,6 @@ def _write(harvest: EventHarvest, me: Doing, tick: int) -> None:
     }
     for column, value in columns.items():
         robots[column][me.number] = value
-    alarm = c.NEVER if me.alarm is None else c.QUARTERS * me.alarm
-    harvest.model.timers[c.WAKE, me.number] = alarm
+    harvest.model.timers[c.WAKE, me.number] = c.NEVER
+    if me.alarm is not None:
+        harvest.model.timers[c.WAKE, me.number] = c.QUARTERS * me.alarm

@@ -24,6 +24,10 @@ CELLS: dict[str, dict[str, Any]] = {
     "carriers that ask for roads in the same tick": {
         **{"rows": 17, "pickers": 6, "carriers": 9, "picking_speed": 1.0},
     },
+    "carriers that give a place back in the tick in which they ask again": {
+        **{"rows": 4, "pickers": 3, "carriers": 4, "row_length": 24.0, "picking_speed": 1.0},
+        **{"route": "one-way", "dispatch": "nearest"},
+    },
     "a line that moves up behind one that turns off": {
         **{"rows": 7, "pickers": 7, "carriers": 9, "row_length": 40.0, "picking_speed": 1.0},
         **{"route": "one-way", "dispatch": "longest-waiting", "order_in_row": "outward"},

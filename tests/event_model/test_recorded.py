@@ -1,7 +1,8 @@
 """Harvests that were recorded, so that a change of the event model is noticed.
 
 They are those in which an earlier model of other code, of generators, had each delivery in the same
-tick. Who changes a rule on purpose records them anew, and compares with the simulator first.
+tick. They were recorded anew when carriers began to tell with a claim what they give back in its
+tick. Who changes a rule on purpose does so too, and compares with the simulator first.
 """
 
 import json

@@ -119,15 +119,16 @@ def plan_claim(m, robot):
 
 @inner
 def last_claim(m, robot):
-    """Return the tick of the robot's last claim.
+    """Return the tick of the robot's last claim before what it does now.
 
     While it waits it claims the same every PATIENCE ticks. That changes nothing, so it is no event.
+    A claim that it sends in this tick tells what it does in this tick.
     """
     me = m.robots[robot]
-    if me.wanted == 0:
+    before = tick_of(m) - 1
+    if me.wanted == 0 or before < me.claimed:
         return me.claimed
-    tick = tick_of(m)
-    return tick - (tick - me.claimed) % PATIENCE
+    return before - (before - me.claimed) % PATIENCE
 
 
 @inner

@@ -1,6 +1,7 @@
 """A harvest of the event model that goes on from a moment of a run in the simulator."""
 
 from collections.abc import Iterator
+from copy import deepcopy
 from random import Random
 from typing import Any
 
@@ -99,6 +100,36 @@ def test_soak_nearly_all_starts_have_the_deliveries_of_the_run() -> None:
     print(f"{near} of {starts} starts have each delivery within {NEAR} ticks")
     assert starts >= 180
     assert near >= 0.95 * starts
+
+
+def put_back(harvest: EventHarvest, chances: Random, most: int) -> None:
+    """Put each carrier that drives on a job up to so many ticks back."""
+    for number, me in enumerate(harvest.model.robots):
+        if me.queue_line != c.NONE and not me.is_free and me.state == c.DRIVING:
+            ticks = chances.randint(0, most)
+            me.leg_begun += ticks
+            harvest.model.timers[c.WAKE, number] += c.QUARTERS * ticks
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(("most", "expected"), [(10, 100), (20, 99)])
+def test_soak_carriers_a_little_behind_change_few_deliveries(most: int, expected: int) -> None:
+    """So exact a dispatcher would have to know where carriers are, which it does not hear."""
+    chances = Random(most)
+    near = starts = 0
+    for layout, ticks in quiet_starts(29, 20):
+        for tick in ticks:
+            harvest = EventHarvest(layout)
+            harvest.advance(tick)
+            behind = deepcopy(harvest)
+            put_back(behind, chances, most)
+            exact = harvest.run().deliveries
+            apart = [abs(a - b) for a, b in zip(exact, behind.run().deliveries, strict=True)]
+            starts += 1
+            near += max(apart) <= NEAR / TICKS_PER_SECOND + 1e-6
+    print(f"{most} ticks back: {near} of {starts} starts have each delivery within {NEAR} ticks")
+    assert starts == 100
+    assert near >= expected - 3
 
 
 @pytest.mark.parametrize("dispatch", ["nearest", "longest-waiting", "predictive", "rolling"])

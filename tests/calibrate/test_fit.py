@@ -60,6 +60,8 @@ def test_known_rates_come_back_within_their_intervals(seed):
         },
     )
     fitted = fit(LoggedBins(log_of(truth), [], []), KNOWN, True, "log.csv", 0.99)
+
+    # The rate is the inverse of the mean time of a bin, and pickers spread around that time.
     metres = truth.chosen["metres_per_bin"]
     speeds = [picker_speed_of(truth, f"picker_{number:02d}") for number in range(1, 9)]
     seconds = metres / np.array(speeds)
@@ -115,6 +117,9 @@ def test_a_last_day_of_the_same_kind_is_as_predicted():
     assert tested.logged == rate_of(of_day)
     assert tested.is_as_predicted
     assert tested.high - tested.low < 0.5 * tested.logged
+
+    # If bins differed more, the interval would be wider by that, divided by the root of their
+    # number.
     unlike = replace(fitted, picking=replace(fitted.picking, between_bins=0.4))
     wider = check_on_day(unlike, of_day, [], 0.95, lambda runs: None)
     width = students_t.ppf(0.975, RUNS - 1)
@@ -122,6 +127,8 @@ def test_a_last_day_of_the_same_kind_is_as_predicted():
     by_bins = width * tested.predicted * math.sqrt(more / len(of_day))
     by_runs = tested.high - tested.predicted
     assert wider.high - wider.predicted == pytest.approx(math.hypot(by_runs, by_bins))
+
+    # A day at half the rate is not as predicted.
     slower = [
         LoggedBin(**vars(bin_) | {"full": 2.0 * bin_.full, "fetched": None}) for bin_ in of_day
     ]
@@ -154,9 +161,9 @@ def test_a_bin_that_took_far_too_long_is_told_and_left_out():
         full = begin + 60.0 * minutes
         bins.append(LoggedBin("Ana", "1", "", day, full, full + 60.0, None, line=number + 2))
         begin = full + 60.0
-    kept, told = without_long_ones(intervals_of(bins), "log.csv")
+    kept, notes = without_long_ones(intervals_of(bins), "log.csv")
     assert len(kept) == 5
-    assert told == [
+    assert notes == [
         "log.csv:6: a bin of Ana took 200 min, 6.6 times as long as most: a break, or lines are"
         " missing; it is left out"
     ]

@@ -1,6 +1,4 @@
-"""Empty bins that run out at the bay, and come back with trailers or with a truck, in the simulator
-and in the event model alike.
-"""
+"""Empty bins that run out at the bay, and come back with trailers or a truck, in both models."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -37,6 +35,7 @@ TRAILERS = {"seconds_away": 150.0, "trailers": {"count": 2, "bins": 2}, "empty_b
 
 
 def with_load_out(load_out: dict[str, Any], **values: Any) -> Layout:
+    """Return a layout of a small orchard with this load-out."""
     return lay_out(Scenario.model_validate(SMALL | values | {"load_out": load_out}))
 
 
@@ -44,9 +43,9 @@ class Harvest(NamedTuple):
     """A harvest of the simulator that is done."""
 
     run: Local
-    # At which bins were unloaded.
+    #: The ticks at which bins were unloaded.
     ticks: list[int]
-    # For which the bay did not take a bin that stood there.
+    #: For how long the bay did not take a bin that stood there.
     bay_waiting_seconds: float
 
 
@@ -92,7 +91,8 @@ def stocks(seed: int, count: int) -> Iterator[Layout]:
     return laid_out(drawn, count)
 
 
-def demand_that_models_agree(seed: int, count: int) -> None:
+def assert_models_agree(seed: int, count: int) -> None:
+    """Compare both models in so many drawn orchards: when bins are unloaded, and the end."""
     for layout in stocks(seed, count):
         run, ticks, _ = harvested(layout)
         simulated = [*(tick / 10.0 for tick in ticks), run.engine.world.seconds]
@@ -100,12 +100,12 @@ def demand_that_models_agree(seed: int, count: int) -> None:
 
 
 def test_both_models_agree_about_empty_bins() -> None:
-    demand_that_models_agree(1, 3)
+    assert_models_agree(1, 3)
 
 
 @pytest.mark.soak
 def test_soak_both_models_agree_about_thirty_stocks() -> None:
-    demand_that_models_agree(2, 30)
+    assert_models_agree(2, 30)
 
 
 @pytest.mark.parametrize("load_out", [TRUCK, TRAILERS])

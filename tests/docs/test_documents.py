@@ -26,16 +26,17 @@ from orchard.launch.request import RunRequest
 from orchard.launch.supervisor import free_port
 
 README = (ROOT / "README.md").read_text()
-# That one is done step by step.
+# Of all documents but the tutorial, which is done step by step.
 BLOCKS = [
     block for document in DOCUMENTS if "tutorial" not in document for block in blocks_in(document)
 ]
+# The programs of docs/extending.md, each with its docstring, None without one.
 EXAMPLES = {
     block.text: ast.get_docstring(ast.parse(block.text))
     for block in blocks_in("docs/extending.md")
     if block.language == "python"
 }
-# Of examples/seams; the others are programs.
+# A program with a docstring is a file of examples/seams. The others are run.
 FILES = {text: words for text, words in EXAMPLES.items() if words}
 PROGRAMS = [
     block.text
@@ -49,18 +50,11 @@ COMMANDS = [
     for line in block.text.splitlines()
 ]
 # Blocks that .ci/run does with the clone and the wheel that it has.
-INSTALLING = (
-    "clone",
-    "activate",
-    "package",
-    "notebook",
-)
-KEYS_OF_SOME_RUNS = (
-    # With a recording.
-    *("recording_parts", "recording_gaps", "messages_dropped"),
-    "forked_from",
-    *("ticks_late", "velocities_missed", "answer_milliseconds"),  # in realtime
-)
+INSTALLING = ("clone", "activate", "package", "notebook")
+# Keys of a summary that only runs with a recording, forks, and runs in realtime have.
+KEYS_OF_RECORDED = ("recording_parts", "recording_gaps", "messages_dropped")
+KEYS_OF_REALTIME = ("ticks_late", "velocities_missed", "answer_milliseconds")
+KEYS_OF_SOME_RUNS = (*KEYS_OF_RECORDED, "forked_from", *KEYS_OF_REALTIME)
 
 
 # s of a harvest, simulated.
@@ -92,13 +86,15 @@ def test_the_commands_in_the_documents_run(command, tmp_path):
     program, *words = shlex.split(command, comments=True)
     if program == "orchard":
         record = [] if "--record" in words else ["--record", "run.rrd"]
-        # The last one counts: as they stand they only take longer.
+        # The last duration counts. Without it the command would only take longer.
         words += ["--duration", BRIEF]
         assert run_py(*words, *record, folder=tmp_path).stdout
         return
-    line = {"make": ["make", "--dry-run", *words], "python": [sys.executable, *words, "--help"]}[
-        program
-    ]
+    quick = {
+        "make": ["make", "--dry-run", *words],
+        "python": [sys.executable, *words, "--help"],
+    }
+    line = quick[program]
     done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 0, done.stdout + done.stderr
 

@@ -27,6 +27,7 @@ DURATION = 30.0  # s, simulated
 
 
 def run_py(folder: Path, *arguments: object) -> subprocess.Popen:
+    """Start run.py in a folder, and keep its runs there."""
     command = [sys.executable, "-u", ROOT / "run.py", *arguments]
     there = os.environ | {"ORCHARD_RUNS": str(folder / "runs")}
     return subprocess.Popen(
@@ -41,17 +42,9 @@ def run_py(folder: Path, *arguments: object) -> subprocess.Popen:
 
 @contextmanager
 def begun(folder: Path, *arguments: object):
-    run = run_py(
-        folder,
-        scenario_file(folder, SMALL),
-        "--speed",
-        5,
-        "--duration",
-        DURATION,
-        "--hosts",
-        2,
-        *arguments,
-    )
+    """Start a run and wait until 3 s are simulated. Give run.py, and the processes it started."""
+    pace = ("--speed", 5, "--duration", DURATION, "--hosts", 2)
+    run = run_py(folder, scenario_file(folder, SMALL), *pace, *arguments)
     processes = []
     try:
         line_with("real time", run)
@@ -66,6 +59,7 @@ def begun(folder: Path, *arguments: object):
 
 
 def ended(folder: Path, *arguments: object) -> tuple[int, str]:
+    """Run run.py to its end. Return its exit code, and what it printed."""
     run = run_py(folder, *arguments)
     printed, _ = run.communicate(timeout=PATIENCE)
     return run.returncode, printed
@@ -90,6 +84,7 @@ def test_processes_end_with_run_py_and_the_run_can_go_on(tmp_path, monkeypatch, 
         (physics,) = [
             process for process in processes if "orchard.processes.physics" in process.cmdline()
         ]
+        # run.py dies, and physics ends by itself with a snapshot.
         run.send_signal(number)
         run.wait(PATIENCE)
         physics.wait(PATIENCE)
@@ -97,21 +92,11 @@ def test_processes_end_with_run_py_and_the_run_can_go_on(tmp_path, monkeypatch, 
         (end,) = temporary.glob(f"*/{RESULT}")
         last = newest(folder, [])
         assert last.tick == read_end(end, last.run).tick, "physics writes a snapshot when it ends"
-        code, printed = ended(
-            tmp_path,
-            "--resume",
-            "last",
-            "--mode",
-            "local",
-            "--duration",
-            DURATION,
-            "--record",
-            "none",
-            "--summary",
-            path,
-        )
+        resumed = ("--resume", "last", "--mode", "local", "--duration", DURATION)
+        code, printed = ended(tmp_path, *resumed, "--record", "none", "--summary", path)
+        assert code == 0, printed
         _, alive = psutil.wait_procs(processes, PATIENCE)
-        assert (code, alive) == (0, []), printed
+        assert alive == [], printed
     assert summary_of(path)["hash"] == local_hash(SMALL, round(DURATION * 10))
     assert not list((tmp_path / "runs").glob("*.going"))
 

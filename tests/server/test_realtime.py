@@ -37,11 +37,13 @@ COUPLE = Couple("bin_01")
 
 
 def live(*held):
+    """Return a barrier in realtime, and its clock. Session a holds picker_01, or as `held` says."""
     clock = Clock()
     return RealtimeBarrier(roster(*held or [("picker_01", "a")]), STEP, clock), clock
 
 
 def driving(tick, x=1.0, owner="a", **more):
+    """Return the arguments of `take` for an answer to a tick: forward at x, m/s."""
     return owner, tick, Report(Twist(x), **more)
 
 
@@ -49,25 +51,25 @@ def velocity(tick):
     return Velocity(RUN, tick, Linear(1.0), Angular(0.0))
 
 
-def driven(one, clock, ticks):
+def driven(barrier, clock, ticks):
     """Return the forward velocities of picker_01 in the next ticks, in which nothing new comes."""
     speeds = []
     for _ in range(ticks):
-        action = one.actions().get("picker_01", Action())
+        action = barrier.actions().get("picker_01", Action())
         speeds.append(action.twist.x)
         clock.now += STEP
-        one.open(one.tick + 1)
+        barrier.open(barrier.tick + 1)
     return speeds
 
 
 def test_a_velocity_drives_on_for_half_a_second():
     """In that time an older velocity is refused."""
-    drivers, clock = live()
-    drivers.open(0)
-    drivers.take("picker_01", *driving(0))
-    assert driven(drivers, clock, 9) == [1.0] * 5 + [0.0] * 4
+    barrier, clock = live()
+    barrier.open(0)
+    barrier.take("picker_01", *driving(0))
+    assert driven(barrier, clock, 9) == [1.0] * 5 + [0.0] * 4
     with pytest.raises(Refused, match="past tick"):
-        drivers.take("picker_01", *driving(3))
+        barrier.take("picker_01", *driving(3))
 
 
 @pytest.mark.parametrize(
@@ -89,16 +91,14 @@ def test_an_unheld_robot_moves_for_half_a_second_in_realtime(first, later, steps
     clock = Clock()
     unowned = UnownedCommands(clock)
     moved = 0
-    moments = [
-        (0.05, "comes"),
-        (first, "step"),
-        *((0.1 * tick + later, "step") for tick in range(1, 10)),
-    ]
+    moments = [(0.05, "velocity comes"), (first, "step")]
+    for tick in range(1, 10):
+        moments.append((0.1 * tick + later, "step"))
     begun = clock.now
     tick = 0
-    for moment, what in sorted(moments):
+    for moment, event in sorted(moments):
         clock.now = begun + moment
-        if what == "comes":
+        if event == "velocity comes":
             unowned.take("picker_01", velocity(0))
         else:
             moved += "picker_01" in unowned.actions(tick)
@@ -124,90 +124,90 @@ def test_an_unheld_robot_moves_for_half_a_second_in_lockstep(pause):
 
 
 def test_the_newest_velocity_counts_although_it_is_late():
-    drivers, clock = live()
+    barrier, clock = live()
     for tick in range(3):
-        drivers.open(tick)
+        barrier.open(tick)
         clock.now += STEP
-    drivers.take("picker_01", *driving(1, 0.5))
-    assert drivers.actions()["picker_01"].twist == Twist(0.5)
-    drivers.take("picker_01", *driving(2, 0.7))
-    assert drivers.actions()["picker_01"].twist == Twist(0.7)
+    barrier.take("picker_01", *driving(1, 0.5))
+    assert barrier.actions()["picker_01"].twist == Twist(0.5)
+    barrier.take("picker_01", *driving(2, 0.7))
+    assert barrier.actions()["picker_01"].twist == Twist(0.7)
     for wrong, reason in [
         (driving(1), "past tick"),
         (driving(2), "answered already"),
         (driving(9), "future tick"),
     ]:
         with pytest.raises(Refused, match=reason):
-            drivers.take("picker_01", *wrong)
+            barrier.take("picker_01", *wrong)
     with pytest.raises(Refused, match="not the owner"):
-        drivers.take("picker_01", *driving(2, owner="b"))
+        barrier.take("picker_01", *driving(2, owner="b"))
 
 
 def test_an_exact_velocity_drives_one_step_from_its_pose():
-    drivers, clock = live()
-    drivers.open(0)
-    drivers.take("picker_01", *driving(0, once=True))
-    assert driven(drivers, clock, 2) == [1.0, 0.0]
-    drivers.take("picker_01", *driving(1, 0.5, once=True))
-    assert driven(drivers, clock, 2) == [0.5, 0.0], "late, but the robot has stood since"
-    drivers.take("picker_01", *driving(2, 0.5, once=True))
-    assert driven(drivers, clock, 1) == [0.0], "late, and the robot has moved since"
+    barrier, clock = live()
+    barrier.open(0)
+    barrier.take("picker_01", *driving(0, once=True))
+    assert driven(barrier, clock, 2) == [1.0, 0.0]
+    barrier.take("picker_01", *driving(1, 0.5, once=True))
+    assert driven(barrier, clock, 2) == [0.5, 0.0], "late, but the robot has stood since"
+    barrier.take("picker_01", *driving(2, 0.5, once=True))
+    assert driven(barrier, clock, 1) == [0.0], "late, and the robot has moved since"
 
 
 def test_deeds_are_done_once_and_nothing_that_was_said_is_lost():
-    drivers, clock = live()
-    drivers.open(0)
-    drivers.take("picker_01", *driving(0, deeds=[COUPLE], memory=b"old"))
+    barrier, clock = live()
+    barrier.open(0)
+    barrier.take("picker_01", *driving(0, deeds=[COUPLE], memory=b"old"))
     clock.now += STEP
-    drivers.open(1)
-    drivers.take("picker_01", *driving(1))
-    assert drivers.actions()["picker_01"].deeds == [COUPLE]
-    assert drivers.reports["picker_01"].memory == b"old"
-    drivers.open(2)
-    assert drivers.actions()["picker_01"].deeds == []
-    assert drivers.reports == {}
+    barrier.open(1)
+    barrier.take("picker_01", *driving(1))
+    assert barrier.actions()["picker_01"].deeds == [COUPLE]
+    assert barrier.reports["picker_01"].memory == b"old"
+    barrier.open(2)
+    assert barrier.actions()["picker_01"].deeds == []
+    assert barrier.reports == {}
 
 
 def test_letters_are_told_once_beside_a_bare_velocity():
-    drivers, clock = live()
-    drivers.open(0)
+    barrier, clock = live()
+    barrier.open(0)
     answers = given_by(Action(answers=[(Heard("bin_01", 0, 0, StateRequest()), Yes())]))
-    drivers.take("picker_01", *driving(0, requests=[("bin_01", StateRequest())], answers=answers))
+    barrier.take("picker_01", *driving(0, requests=[("bin_01", StateRequest())], answers=answers))
     clock.now += STEP
-    drivers.open(1)
-    drivers.take("picker_01", *driving(1, 0.5))
-    assert drivers.actions()["picker_01"].twist.x == 0.5
-    assert len(drivers.reports["picker_01"].requests) == 1
-    assert drivers.reports["picker_01"].answers == answers
+    barrier.open(1)
+    barrier.take("picker_01", *driving(1, 0.5))
+    assert barrier.actions()["picker_01"].twist.x == 0.5
+    assert len(barrier.reports["picker_01"].requests) == 1
+    assert barrier.reports["picker_01"].answers == answers
 
 
 def test_who_answers_in_time_has_longer_than_who_was_late():
     """A client that answers in time has a moment longer than a tick; one that was late has less."""
-    drivers, clock = live(("picker_01", "a"), ("bin_01", "b"))
-    drivers.open(0)
-    assert drivers.deadline == pytest.approx(clock.now + STEP + SLACK)
-    drivers.take("picker_01", *driving(0))
-    assert drivers.give_up() == set()
-    drivers.actions()
+    barrier, clock = live(("picker_01", "a"), ("bin_01", "b"))
+    barrier.open(0)
+    assert barrier.deadline == pytest.approx(clock.now + STEP + SLACK)
+    barrier.take("picker_01", *driving(0))
+    assert barrier.give_up() == set()
+    barrier.actions()
     clock.now += STEP
-    drivers.open(1, lag=0.15)
-    assert drivers.deadline == pytest.approx(clock.now + STEP + SLACK - 0.15)
-    drivers.take("picker_01", *driving(1))
-    assert drivers.deadline == pytest.approx(clock.now + STEP / 2)
-    drivers.actions()
-    drivers.open(2, lag=10.0)
-    assert drivers.deadline == pytest.approx(clock.now + STEP / 2), "the clock does not wait"
-    figures = drivers.figures()
+    barrier.open(1, lag=0.15)
+    assert barrier.deadline == pytest.approx(clock.now + STEP + SLACK - 0.15)
+    barrier.take("picker_01", *driving(1))
+    assert barrier.deadline == pytest.approx(clock.now + STEP / 2)
+    barrier.actions()
+    barrier.open(2, lag=10.0)
+    assert barrier.deadline == pytest.approx(clock.now + STEP / 2), "the clock does not wait"
+    figures = barrier.figures()
     assert figures["ticks_late"] == 2
     assert figures["velocities_missed"] == 2
 
 
 def test_the_robot_of_one_who_is_gone_stands_at_once():
-    drivers, _ = live()
-    drivers.open(0)
-    drivers.take("picker_01", *driving(0))
-    drivers.release("picker_01")
-    assert drivers.actions() == {}
+    barrier, _ = live()
+    barrier.open(0)
+    barrier.take("picker_01", *driving(0))
+    barrier.release("picker_01")
+    assert barrier.actions() == {}
 
 
 def test_mail_is_heard_at_the_next_tick_whichever_that_is():

@@ -92,14 +92,12 @@ def test_each_body_has_a_row_a_tick_with_the_worlds_bits(whole):
     names = whole.local.engine.layout.names
     assert table["tick"].to_pylist() == [t for t in range(1, HARVEST_TICKS + 1) for _ in names]
     assert table["name"].to_pylist() == [*names] * HARVEST_TICKS
-    for columns, known in (
-        (("x", "y", "yaw"), whole.poses),
-        (("linear_x", "linear_y", "angular_z"), whole.twists),
-    ):
-        stored = np.stack([table[column].to_numpy() for column in columns], axis=1).reshape(
-            known.shape
-        )
-        assert stored.tobytes() == known.tobytes()
+
+    def stored(*columns: str) -> bytes:
+        return np.stack([table[column].to_numpy() for column in columns], axis=1).tobytes()
+
+    assert stored("x", "y", "yaw") == whole.poses.tobytes()
+    assert stored("linear_x", "linear_y", "angular_z") == whole.twists.tobytes()
 
 
 def test_measured_poses_have_the_bits_that_agents_observe(tmp_path):
@@ -150,24 +148,28 @@ def stored_poses(folder, columns: tuple[str, ...], bodies: list[int]) -> np.ndar
 
 
 @pytest.mark.parametrize(
-    ("errors", "words"),
+    ("errors", "columns"),
     [({}, ()), (GNSS, MEASURED), (ODOMETRY, RECKONED), (GNSS | ODOMETRY, MEASURED + RECKONED)],
 )
-def test_what_is_measured_exactly_is_null(tmp_path, errors, words):
+def test_what_is_measured_exactly_is_null(tmp_path, errors, columns):
+    """`columns`: those that robots have with these errors of sensors."""
     run(Local(with_changes(Scenario(rows=3), **errors)), tmp_path, 2).close()
     for row in rows_of(tmp_path, "bodies"):
         is_robot = kind_of(row["name"]) in ("picker", "carrier", "tractor")
-        assert {name for name in MEASURED + RECKONED if row[name] is not None} == {
-            *(words if is_robot else ())
-        }
+        expected = columns if is_robot else ()
+        filled = [name for name in MEASURED + RECKONED if row[name] is not None]
+        assert set(filled) == set(expected)
 
 
 def test_a_body_that_is_not_blocked_drives_as_it_wanted(whole):
     table = pq.read_table(whole.folder / "bodies.parquet")
-    wanted, done = (
-        np.stack([table[f"{before}{name}"].to_numpy() for name in ("linear_x", "angular_z")])
-        for before in ("cmd_", "")
-    )
+
+    def velocities(prefix: str) -> np.ndarray:
+        columns = (f"{prefix}linear_x", f"{prefix}angular_z")
+        return np.stack([table[column].to_numpy() for column in columns])
+
+    wanted = velocities("cmd_")
+    done = velocities("")
     moved = (done != 0.0).any(axis=0)
     assert moved.any()
     assert (wanted != 0.0).any()
@@ -184,16 +186,18 @@ def test_the_states_add_up_to_those_of_the_summary(whole):
 
 def test_the_events_and_the_messages_are_those_of_the_run(whole):
     folder = whole.folder
-    expected = [
-        (row["tick"], row["what"], row["who"], row["whom"] or "", row["detail"] or "")
-        for row in rows_of(folder, "events")
-    ]
-    assert expected == [(e.tick, e.what, e.who, e.whom, e.detail) for e in whole.events]
+    # A text that is empty is null in the table.
+    for row, event in zip(rows_of(folder, "events"), whole.events, strict=True):
+        assert row["tick"] == event.tick
+        assert row["what"] == event.what
+        assert row["who"] == event.who
+        assert (row["whom"] or "") == event.whom
+        assert (row["detail"] or "") == event.detail
+
     messages = rows_of(folder, "messages")
     assert sorted(row["type"] for row in messages) == sorted(whole.letters)
-    assert [(row["tick"], row["sender"]) for row in messages] == sorted(
-        (row["tick"], row["sender"]) for row in messages
-    )
+    order = [(row["tick"], row["sender"]) for row in messages]
+    assert order == sorted(order)
     fetch = next(row for row in messages if row["type"] == "fetch")
     assert msgspec.json.decode(fetch["content"], type=Fetch).lane in (1, 2, 3)
 
@@ -201,9 +205,8 @@ def test_the_events_and_the_messages_are_those_of_the_run(whole):
 def test_an_exchange_lasts_for_the_wait_and_the_drive_before(whole):
     """The wait is that of the summary, which counts from when the picker comes to its row's end."""
     rows = rows_of(whole.folder, "exchanges")
-    supplied = sorted(
-        (row for row in rows if row["supplied"] is not None), key=lambda row: row["supplied"]
-    )
+    supplied = [row for row in rows if row["supplied"] is not None]
+    supplied.sort(key=lambda row: row["supplied"])
     for row, wait in zip(supplied, whole.figures.waits, strict=True):
         ticks = row["supplied"] - row["full"]
         assert row["waited_seconds"] == pytest.approx(ticks * TIME_STEP)

@@ -66,9 +66,9 @@ def test_rows_are_balanced_unless_the_scenario_says_otherwise() -> None:
     )
 
 
-# Of 20 rows each: 10,000 draws.
+# With 20 rows for each seed, 10,000 rows are drawn.
 SEEDS = range(500)
-N = 20 * len(SEEDS)
+DRAWS = 20 * len(SEEDS)
 
 
 def scenario(
@@ -81,12 +81,13 @@ def scenario(
 
 
 def times(distribution: str, cv: float, speed: float) -> list[float]:
-    orchards = (scenario(distribution, cv, speed, seed) for seed in SEEDS)
-    return [
-        speed / picking_speed_of(orchard, row, "picker_01")
-        for orchard in orchards
-        for row in range(1, 21)
-    ]
+    """Draw the times of rows, as shares of the mean time."""
+    drawn = []
+    for seed in SEEDS:
+        orchard = scenario(distribution, cv, speed, seed)
+        for row in range(1, 21):
+            drawn.append(speed / picking_speed_of(orchard, row, "picker_01"))
+    return drawn
 
 
 def share_below(distribution: str, time: float, cv: float, least: float) -> float:
@@ -100,10 +101,8 @@ def share_below(distribution: str, time: float, cv: float, least: float) -> floa
         return 0.5 + (share - 1.0) / (2.0 * math.sqrt(3.0) * cv)
     if distribution == "lognormal":
         deviation = math.sqrt(math.log1p(cv * cv))
-        return 0.5 * (
-            1.0
-            + math.erf((math.log(share) + deviation * deviation / 2.0) / deviation / math.sqrt(2.0))
-        )
+        z = (math.log(share) + deviation * deviation / 2.0) / deviation
+        return 0.5 * (1.0 + math.erf(z / math.sqrt(2.0)))
     # A gamma distribution of a whole shape: k events of a Poisson process.
     k = round(1.0 / (cv * cv))
     return 1.0 - sum(math.exp(-k * share) * (k * share) ** n / math.factorial(n) for n in range(k))
@@ -116,16 +115,17 @@ def share_below(distribution: str, time: float, cv: float, least: float) -> floa
 def test_picking_times_have_the_named_mean_and_distribution(
     distribution: str, cv: float | None, speed: float
 ) -> None:
-    # A gamma distribution of shape 4.
-    cv = cv or (1.0 - speed) / 2.0
+    """The tolerances are four standard errors of a mean, and four of a share at most."""
+    if cv is None:
+        # The gamma distribution then has the shape 4.
+        cv = (1.0 - speed) / 2.0
     drawn = times(distribution, cv, speed)
-    assert fmean(drawn) == pytest.approx(1.0, abs=4 * cv / math.sqrt(N))
+    assert fmean(drawn) == pytest.approx(1.0, abs=4 * cv / math.sqrt(DRAWS))
     assert pstdev(drawn) == pytest.approx(cv, rel=0.06)
     for time in (0.6, 0.8, 1.0, 1.3):
         expected = min(max(share_below(distribution, time, cv, least=speed), 0.0), 1.0)
-        assert sum(t < time for t in drawn) / N == pytest.approx(
-            expected, abs=2.0 / math.sqrt(N)
-        ), time
+        share = sum(row_time < time for row_time in drawn) / DRAWS
+        assert share == pytest.approx(expected, abs=2.0 / math.sqrt(DRAWS)), time
     assert min(drawn) >= speed * (1.0 - 1e-12), "no row is picked faster than a picker drives"
 
 
@@ -144,23 +144,22 @@ def test_no_row_is_faster_than_a_picker_whatever_is_allowed(
 
 
 def test_rows_are_alike_unless_a_distribution_is_named() -> None:
-    assert {lane.picking_speed for lane in lay_out(Scenario(rows=20, picking_speed=0.3)).lanes} == {
-        0.3
-    }
+    assert set(speeds_of(Scenario(rows=20, picking_speed=0.3))) == {0.3}
+
+
+def speeds_of(orchard: Scenario) -> list[float]:
+    """Return the picking speed of each row, m/s."""
+    return [lane.picking_speed for lane in lay_out(orchard).lanes]
 
 
 def test_a_rows_pace_follows_from_seed_and_row_only() -> None:
-    drawn = [lane.picking_speed for lane in lay_out(scenario("lognormal")).lanes]
+    drawn = speeds_of(scenario("lognormal"))
     assert len(set(drawn)) == 20
-    assert drawn == [
-        lane.picking_speed
-        for lane in lay_out(scenario("lognormal", carriers=3, row_width=7.0)).lanes
-    ]
-    assert not set(drawn) & {
-        lane.picking_speed for lane in lay_out(scenario("lognormal", seed=2)).lanes
-    }
+    assert speeds_of(scenario("lognormal", carriers=3, row_width=7.0)) == drawn
+    assert not set(drawn) & set(speeds_of(scenario("lognormal", seed=2)))
 
 
+# Distribution, cv, picking speed in m/s, and what the message demands.
 TOO_WIDE = [
     ("lognormal", 0.3, 1.0, "the distribution must be none"),
     ("gamma", 0.4, 0.7, "cv must be at most 0.3"),
@@ -187,12 +186,8 @@ def test_a_spread_with_too_fast_a_picker_is_refused(
 
 
 def test_the_widest_spread_is_fine() -> None:
-    assert (
-        parse(
-            "picking_speed: 0.8\npicking: {spread: {distribution: gamma, cv: 0.2}}"
-        ).picking.spread.cv
-        == 0.2
-    )
+    text = "picking_speed: 0.8\npicking: {spread: {distribution: gamma, cv: 0.2}}"
+    assert parse(text).picking.spread.cv == 0.2
 
 
 NO_PICKING = [

@@ -35,20 +35,9 @@ def runs(tmp_path, monkeypatch):
 )
 def test_the_command_line_stops_a_robot_of_a_run_here(tmp_path, runs, mode):
     path = tmp_path / "summary.json"
-    order = (
-        "--rows",
-        3,
-        "--hosts",
-        1,
-        "--record",
-        "none",
-        *mode,
-        "--duration",
-        3000,
-        "--summary",
-        path,
-    )
-    with running(*order) as run, ExitStack() as stack:
+    small = ("--rows", 3, "--hosts", 1, "--record", "none")
+    words = (*small, *mode, "--duration", 3000, "--summary", path)
+    with running(*words) as run, ExitStack() as stack:
         (going,) = running_here(runs)
         someone = stack.enter_context(Client.open(going.endpoint, going.run))
         poses = someone.hear("orchard/picker_01/pose")
@@ -148,11 +137,12 @@ def test_whom_physics_never_answers_is_told_that_nobody_knows(monkeypatch):
 
 @contextmanager
 def two_runs(folder: Path):
-    with router() as one, router() as other, ExitStack() as stack:
-        for physics, name in ((one, "a"), (other, "b")):
+    """Give the routers of two runs, a and b, which have left notes in a folder."""
+    with router() as router_a, router() as router_b, ExitStack() as stack:
+        for physics, name in ((router_a, "a"), (router_b, "b")):
             physics.answer("orchard/stop")
             stack.enter_context(noted(folder, RunNote(name, physics.endpoint, f"run {name}")))
-        yield one, other
+        yield router_a, router_b
 
 
 def test_a_stop_stops_all_runs_here_whatever_one_does(runs, monkeypatch, capsys):

@@ -28,11 +28,13 @@ from orchard.wire import messages as wire
 from orchard.wire.keys import TABLE
 from orchard.wire.messages import read
 
+# Options of physics that leave all agents to clients.
 NONE = [word for name in agent_names(SMALL) for word in ("--absent", name)]
 
 
 @pytest.fixture
 def farm(folder, tmp_path):
+    """Give a secured physics process, and sessions that join it."""
     with ExitStack() as stack:
         processes = Processes(tmp_path, stack)
         processes.physics(SMALL, "--secure", str(folder / "physics"), "--speed", "4", *NONE)
@@ -43,6 +45,7 @@ def farm(folder, tmp_path):
 
 @pytest.fixture
 def meeting(folder):
+    """Give a secured router without physics, and sessions that join it."""
     with (
         ExitStack() as stack,
         router("tls/127.0.0.1:0", identity=Keyring.load(folder).of("physics")) as bus,
@@ -145,12 +148,12 @@ def test_an_agent_hears_its_own_mail_and_no_other(meeting):
     ben = meeting.come("ben")
     asker = meeting.come("shed")
     amy.bus.answer(KEYS.of("mail", HERS))
-    for name, somebody in (
-        (MINE, amy),
-        (HERS, ben),
-    ):  # what amy declared first has come before what she declares second
-        somebody.bus.answer(KEYS.of("mail", name))
-        assert who_answers(asker, name, [amy, ben]) == [somebody]
+    # The router has what amy declares in order, so it has refused the mail of ben's robot before
+    # it takes that of her own.
+    amy.bus.answer(KEYS.of("mail", MINE))
+    assert who_answers(asker, MINE, [amy, ben]) == [amy]
+    ben.bus.answer(KEYS.of("mail", HERS))
+    assert who_answers(asker, HERS, [amy, ben]) == [ben]
 
 
 def who_answers(asker: Somebody, name: str, others: list[Somebody]) -> list[Somebody]:

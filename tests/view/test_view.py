@@ -49,9 +49,11 @@ LAYERS = {
 }
 
 
-def same_pose(seen: tuple[float, float, float], meant: np.ndarray) -> bool:
-    turned = np.angle(np.exp(1j * (seen[2] - meant[2])))
-    return abs(seen[0] - meant[0]) < 1e-4 and abs(seen[1] - meant[1]) < 1e-4 and abs(turned) < 1e-4
+def is_same_pose(seen: tuple[float, float, float], expected: np.ndarray) -> bool:
+    """Whether two poses are equal to a tenth of a millimetre and of a milliradian."""
+    turned = np.angle(np.exp(1j * (seen[2] - expected[2])))
+    differences = (seen[0] - expected[0], seen[1] - expected[1], turned)
+    return all(abs(difference) < 1e-4 for difference in differences)
 
 
 @pytest.mark.parametrize("seconds", [0.1, 12.3, 71.0, SECONDS])
@@ -59,11 +61,10 @@ def test_every_body_is_drawn_where_the_frame_says(
     layout: Layout, harvested: list[Frame], recording: Path, seconds: float
 ) -> None:
     seen = poses_at(recording, seconds)
-    meant = harvested[round(seconds * 10) - 1].poses
+    poses = harvested[round(seconds * 10) - 1].poses
     assert set(seen) == {*layout.names, FOCUS}
-    assert [
-        name for i, name in enumerate(layout.names) if not same_pose(seen[name], meant[i])
-    ] == []
+    for name, pose in zip(layout.names, poses, strict=True):
+        assert is_same_pose(seen[name], pose), name
 
 
 def test_the_recording_shows_the_start_before_the_first_step(
@@ -71,11 +72,8 @@ def test_the_recording_shows_the_start_before_the_first_step(
 ) -> None:
     path = recording_of(tmp_path / "start.rrd", layout, [harvested[0]])
     seen = poses_at(path, 0.0)
-    assert [
-        start.name
-        for start in layout.starts
-        if not same_pose(seen[start.name], np.array(start.pose))
-    ] == []
+    for start in layout.starts:
+        assert is_same_pose(seen[start.name], np.array(start.pose)), start.name
     assert Rows(path, "/world/pickers/picker_01").values("StateChange:state") == [
         (0.0, ["picking row 1"])
     ]
@@ -154,9 +152,8 @@ def test_a_row_turns_pale_as_it_is_picked_and_its_fruit_goes(recording: Path) ->
     assert len(set(painted[10][1])) == 2
     # From the west.
     assert painted[10][1][0] != painted[0][1][0]
-    assert [len(points) for _, points in fruit] == sorted(
-        (len(points) for _, points in fruit), reverse=True
-    )
+    counts = [len(points) for _, points in fruit]
+    assert counts == sorted(counts, reverse=True)
     assert fruit[-1][1] == []
 
 
@@ -173,17 +170,16 @@ def test_a_row_picked_from_inside_turns_pale_there(layout: Layout, tmp_path: Pat
 
 
 def test_a_bin_fills_and_its_bar_comes_and_goes(layout: Layout, tmp_path: Path) -> None:
-    i, j, n = layout.index["picker_01"], layout.index["bin_01"], np.arange(len(layout.starts))
-    course = [
-        Frame(
-            tick,
-            starts(layout),
-            fill=np.where(n == j, metres, 0.0),
-            coupled=np.where(n == i, other, -1),
-        )
-        for tick, (metres, other) in enumerate([(0.0, j), (35.0, j), (70.0, -1)])
-    ]
-    path = recording_of(tmp_path / "bins.rrd", layout, course)
+    picker = layout.index["picker_01"]
+    bin_ = layout.index["bin_01"]
+    bodies = np.arange(len(layout.starts))
+    frames = []
+    # Metres of fruit in the bin, and what is coupled to the picker.
+    for tick, (metres, towed) in enumerate([(0.0, bin_), (35.0, bin_), (70.0, -1)]):
+        fill = np.where(bodies == bin_, metres, 0.0)
+        coupled = np.where(bodies == picker, towed, -1)
+        frames.append(Frame(tick, starts(layout), fill=fill, coupled=coupled))
+    path = recording_of(tmp_path / "bins.rrd", layout, frames)
     heights = [
         pose[0][2]
         for _, pose in Rows(path, "/world/bins/bin_01/fruit").values("InstancePoses3D:translations")

@@ -43,31 +43,36 @@ def test_the_contract_is_asyncapi_by_the_official_schema():
 
 
 def as_json(value):
+    """Return a message as JSON has it: bytes as base64."""
     if isinstance(value, dict):
         return {key: as_json(part) for key, part in value.items()}
     if isinstance(value, list):
         return [as_json(part) for part in value]
-    return base64.b64encode(value).decode() if isinstance(value, bytes) else value
+    if isinstance(value, bytes):
+        return base64.b64encode(value).decode()
+    return value
 
 
-@pytest.mark.parametrize(
-    "what", [what for what, key in TABLE.items() if key.message or key.replies]
-)
-def test_each_message_of_a_recorded_run_is_valid_by_the_contract(other, what):
-    names = CONTRACT["channels"][what]["messages"]
+KEYS_WITH_MESSAGES = [name for name, key in TABLE.items() if key.message or key.replies]
+
+
+@pytest.mark.parametrize("key_name", KEYS_WITH_MESSAGES)
+def test_each_message_of_a_recorded_run_is_valid_by_the_contract(other, key_name):
+    names = CONTRACT["channels"][key_name]["messages"]
     schema = {
         "anyOf": [{"$ref": f"#/components/schemas/{name}"} for name in names],
         "components": CONTRACT["components"],
     }
     validator = Draft7Validator(schema)
-    for _, payload in other[what]:
+    for _, payload in other[key_name]:
         message = as_json(msgpack.unpackb(payload))
         validator.validate(message)
         assert not validator.is_valid(message | {"more": 1}), "an unknown field is refused"
-    assert other[what]
+    assert other[key_name]
 
 
 def maps_in(type_):
+    """Return all structs that a message has at any depth."""
     maps = {}
     waiting = [type_]
     while waiting:
@@ -82,39 +87,36 @@ def maps_in(type_):
         elif isinstance(part, inspect.TupleType):
             waiting += part.item_types
         else:
-            waiting += [
-                getattr(part, name)
-                for name in ("type", "item_type", "value_type")
-                if hasattr(part, name)
-            ]
+            for name in ("type", "item_type", "value_type"):
+                if hasattr(part, name):
+                    waiting.append(getattr(part, name))
     return maps.values()
 
 
 @pytest.mark.parametrize("type_", EXAMPLES, ids=lambda type_: type_.__name__)
 def test_every_map_in_a_message_refuses_unknown_fields(type_):
-    assert [
-        part.cls for part in maps_in(inspect.type_info(type_)) if not part.forbid_unknown_fields
-    ] == []
+    for part in maps_in(inspect.type_info(type_)):
+        assert part.forbid_unknown_fields, part.cls
 
 
-def described(name):
+def section_of(name):
+    """Return what docs/messages.md says of a map, and of the maps whose fields it has, too."""
     (text,) = re.findall(rf"^### {name}\n(.*?)(?=^##|\Z)", REFERENCE, re.M | re.S)
-    return text + "".join(
-        described(base) for base in re.findall(r"^the fields of (\w+)$", text, re.M)
-    )
+    for base in re.findall(r"^the fields of (\w+)$", text, re.M):
+        text += section_of(base)
+    return text
 
 
 @pytest.mark.parametrize("type_", EXAMPLES, ids=lambda type_: type_.__name__)
 def test_each_map_in_a_message_is_described_once(type_):
     for part in maps_in(inspect.type_info(type_)):
-        if part.cls not in MEMBERS:
-            text = described(part.cls.__name__)
-            left_out = ("run", "tick") if part.cls in EXAMPLES else ()
-            assert [
-                f.encode_name
-                for f in part.fields
-                if f.encode_name not in left_out and f"\n{f.encode_name}: " not in text
-            ] == []
+        if part.cls in MEMBERS:
+            continue
+        text = section_of(part.cls.__name__)
+        left_out = ("run", "tick") if part.cls in EXAMPLES else ()
+        for field in part.fields:
+            if field.encode_name not in left_out:
+                assert f"\n{field.encode_name}: " in text, field.encode_name
 
 
 def test_keys_are_made_and_taken_apart():

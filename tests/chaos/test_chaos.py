@@ -38,61 +38,54 @@ TRIALS = [trial(1, number) for number in range(300)]
 
 def test_the_same_seed_and_number_do_the_same_and_others_do_not():
     assert [trial(1, number) for number in range(300)] == TRIALS
-    assert len({this.faults for this in TRIALS}) == len(TRIALS)
+    assert len({drawn.faults for drawn in TRIALS}) == len(TRIALS)
     assert trial(2, 0).faults != TRIALS[0].faults
 
 
 def test_faults_come_while_the_run_goes_on_in_order():
-    for this in TRIALS:
-        ticks = [fault.tick for fault in this.faults]
+    for drawn in TRIALS:
+        ticks = [fault.tick for fault in drawn.faults]
         assert ticks == sorted(ticks)
         assert ticks[0] > 0
-        assert ticks[-1] < 10 * (this.seconds or 550)
+        # A whole harvest takes 550 s at least.
+        assert ticks[-1] < 10 * (drawn.seconds or 550)
 
 
 def test_no_process_is_killed_as_often_as_makes_it_be_given_up():
     assert schedule.MOST_DEATHS < DEATHS
-    assert max(most_deaths(this.faults) for this in TRIALS) == schedule.MOST_DEATHS
-    targets = schedule.HOST, schedule.HOST, schedule.ALL, schedule.LOGGER
+    assert max(most_deaths(drawn.faults) for drawn in TRIALS) == schedule.MOST_DEATHS
+    # Each of the two hosts may be the same one, and "all processes" is one of its deaths, too.
+    targets = (schedule.HOST, schedule.HOST, schedule.ALL, schedule.LOGGER)
     assert most_deaths([Fault(9, schedule.KILL, target, 0.0, 0) for target in targets]) == 3
-    assert (
-        most_deaths(
-            [
-                Fault(9, kind, schedule.HOST, 0.0, 0)
-                for kind in (schedule.KILL, schedule.TERMINATE, schedule.INTERRUPT)
-            ]
-        )
-        == 3
-    )
-    assert (
-        most_deaths(
-            [Fault(9, kind, schedule.NOTHING, 0.0, 0) for kind in (schedule.TORN, schedule.PORT)]
-        )
-        == 5
-    )
+    signals = (schedule.KILL, schedule.TERMINATE, schedule.INTERRUPT)
+    assert most_deaths([Fault(9, kind, schedule.HOST, 0.0, 0) for kind in signals]) == 3
+    # A torn cache costs one death of physics, and a port that is taken four.
+    at_physics = (schedule.TORN, schedule.PORT)
+    assert most_deaths([Fault(9, kind, schedule.NOTHING, 0.0, 0) for kind in at_physics]) == 5
 
 
 def test_faults_hit_only_what_is_there():
-    for this in TRIALS:
-        targets = {fault.target for fault in this.faults}
-        assert this.is_recorded or schedule.LOGGER not in targets
-        assert this.is_routed or not targets & {schedule.ROUTER, schedule.LINK, schedule.LINKS}
-        assert not this.is_routed or schedule.PORT not in {fault.kind for fault in this.faults}, (
-            "its port is the router's"
-        )
+    for drawn in TRIALS:
+        targets = {fault.target for fault in drawn.faults}
+        assert drawn.is_recorded or schedule.LOGGER not in targets
+        assert drawn.is_routed or not targets & {schedule.ROUTER, schedule.LINK, schedule.LINKS}
+        # With a router of its own, physics has no port that could be taken.
+        if drawn.is_routed:
+            assert schedule.PORT not in {fault.kind for fault in drawn.faults}
 
 
 def test_in_ten_minutes_there_is_everything():
     few = TRIALS[:30]
-    assert {fault.name for this in few for fault in this.faults} == {
-        fault.name for this in TRIALS for fault in this.faults
+    assert {fault.name for drawn in few for fault in drawn.faults} == {
+        fault.name for drawn in TRIALS for fault in drawn.faults
     }
-    assert {this.mode for this in few} == {"lockstep", "realtime"}
-    assert any(this.seconds is None for this in few)
-    assert any(fault.kind == schedule.BYTES for this in few for fault in this.faults)
+    assert {drawn.mode for drawn in few} == {"lockstep", "realtime"}
+    assert any(drawn.seconds is None for drawn in few)
+    assert any(fault.kind == schedule.BYTES for drawn in few for fault in drawn.faults)
 
 
 def is_over(end):
+    """Whether a socket is closed from the other side."""
     try:
         return end.recv(1) == b""
     except ConnectionResetError:
@@ -101,6 +94,7 @@ def is_over(end):
 
 @pytest.fixture
 def link():
+    """Give a relay, and the near and the far end of a connection through it."""
     with socket.create_server(("127.0.0.1", 0)) as server, Relay(server.getsockname()[1]) as relay:
         near = socket.create_connection(("127.0.0.1", relay.port), 10.0)
         far, _ = server.accept()
@@ -211,13 +205,13 @@ def summary(wanted, **changes):
     )
 
 
-LOCKSTEP = next(this for this in TRIALS if this.mode == "lockstep" and not this.is_mistaken)
+LOCKSTEP = next(drawn for drawn in TRIALS if drawn.mode == "lockstep" and not drawn.is_mistaken)
 REALTIME = next(
-    this
-    for this in TRIALS
-    if this.mode == "realtime" and this.seconds is None and not this.is_mistaken
+    drawn
+    for drawn in TRIALS
+    if drawn.mode == "realtime" and drawn.seconds is None and not drawn.is_mistaken
 )
-MISTAKEN = next(this for this in TRIALS if this.mode == "lockstep" and this.is_mistaken)
+MISTAKEN = next(drawn for drawn in TRIALS if drawn.mode == "lockstep" and drawn.is_mistaken)
 
 
 def execution(exit_code=0):
@@ -284,7 +278,7 @@ def test_a_whole_harvest_in_realtime_must_deliver_every_bin(wanted):
 
 
 def test_every_run_has_a_time_limit():
-    assert all(0 < time_limit(this) < 900 for this in TRIALS)
+    assert all(0 < time_limit(drawn) < 900 for drawn in TRIALS)
 
 
 def memory(megabytes, handles):
@@ -329,4 +323,4 @@ def test_a_relay_has_no_thread_when_it_is_closed():
 
 
 def test_trials_are_told_apart_by_their_numbers():
-    assert len({str(this) for this in itertools.islice(TRIALS, 50)}) == 50
+    assert len({str(drawn) for drawn in itertools.islice(TRIALS, 50)}) == 50

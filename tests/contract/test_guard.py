@@ -35,6 +35,8 @@ RUN = "run1"
 
 
 class Doing:
+    """An agent that returns one action, or raises one error."""
+
     Memory = dict
 
     def __init__(self, action):
@@ -47,6 +49,8 @@ class Doing:
 
 
 class Agreeable:
+    """A value that is equal to everything, and has no length and no elements."""
+
     __eq__ = lambda self, other: True  # noqa: E731
     __ne__ = lambda self, other: False  # noqa: E731
     __hash__ = lambda self: 0  # noqa: E731
@@ -68,6 +72,7 @@ class Word(StrEnum):
 
 
 def nested(levels, make=lambda inner: [inner]):
+    """Return 0 within so many levels of what `make` makes of an inner level."""
     data = make(0)
     for _ in range(levels):
         data = make(data)
@@ -76,6 +81,7 @@ def nested(levels, make=lambda inner: [inner]):
 
 TEXTS = ["", "\ud800", "\x1b[2J", "a\nb", "x" * 70, "picker_01\n", Sly("\x07" * 900)]
 NUMBERS = [2**53, 2**60, 2**64, True, math.nan, 101, -0.0]
+# Values that are too large, too deep, or of a type that no message may have.
 MONSTERS = [
     b"x" * 40_000,
     {1, 2},
@@ -85,6 +91,7 @@ MONSTERS = [
     {nested(60, lambda x: (x,)): 1},
     object,
 ]
+# What agents may return at the places of texts, numbers, names, and so on: right or wrong.
 texts = st.text(st.characters(codec=None), max_size=220) | st.sampled_from(TEXTS)
 numbers = (
     st.integers() | st.integers(-3, 20) | st.floats() | st.booleans() | st.sampled_from(NUMBERS)

@@ -1,6 +1,4 @@
-"""What run.py tells a user: what is ignored, chosen or not kept, what is printed of the summary,
-and commands to type.
-"""
+"""What run.py prints for a user: notes on options, the summary, and commands to type."""
 
 import re
 import shlex
@@ -22,9 +20,11 @@ from orchard.sim.snapshot import Snapshot
 
 OF_ONE_PROCESS = "ignored: --hosts, --patience; local mode is one process"
 LIVE = "live at 4 times real time; --speed X sets another speed, --speed max none"
+# The part of a run before it was resumed: 600 s of simulated time took 600 s.
 BEFORE = Snapshot("", {}, {"tick": 6000}, b"", {}, [], {"wall_seconds": 600.0}, [])
 
 
+# Options, and the notes on them.
 NOTES = [
     ({"mode": "local", "hosts": 0, "patience": 20.0}, [OF_ONE_PROCESS]),
     ({"hosts": 4, "patience": 20.0}, []),
@@ -40,6 +40,7 @@ def test_what_is_ignored_and_what_is_chosen_is_told(options, words):
     assert HarvestOptions(**options).notes() == words
 
 
+# The speed that was asked for, the part before, the wall time of the whole run in s, and the note.
 SPEEDS = [
     (100.0, None, 48.49, "the speed of 100 times real time was not kept: the machine reached 20.0"),
     (100.0, None, 9.8, ""),
@@ -63,11 +64,11 @@ def test_a_speed_that_was_not_kept_is_told(speed, before, wall_seconds, words):
 
 
 def printed(options: HarvestOptions, capsys, monkeypatch) -> list[str]:
+    """Report a harvest that went well. Return the lines that are printed."""
     monkeypatch.setattr("sys.argv", ["run.py"])
     result = msgspec.to_builtins(harvested()) | {"messages_refused": {}, "collisions": 0}
-    assert (
-        report(RunRequest(options, Scenario(rows=5), None, Path("none")), result, "harvested") == 0
-    )
+    request = RunRequest(options, Scenario(rows=5), None, Path("none"))
+    assert report(request, result, "harvested") == 0
     return capsys.readouterr().out.splitlines()
 
 
@@ -115,6 +116,7 @@ def program(monkeypatch, tmp_path):
 
 
 def lines_for(folder, **options) -> list[str]:
+    """Return what a run prints as it begins, and the title of the note that it leaves."""
     lines = []
     request = RunRequest(HarvestOptions(**options), Scenario(), None, folder, notes=folder / "runs")
     with announced(request, "a", HERE, lines.append):

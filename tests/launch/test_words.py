@@ -20,6 +20,7 @@ from orchard.report.summary import sentence
 from orchard.terminal.typed import typed
 
 ESCAPE = "\x1b[31mX"
+# What no message may have: a control character, or words of Python and of libraries.
 RAW = (
     "\x1b",
     "Traceback",
@@ -49,31 +50,30 @@ def output_of(arguments, monkeypatch, capfd) -> tuple[int, str]:
     return ended.value.code or 0, " ".join((out + err).split())
 
 
+OPTIONS_WITH_A_VALUE = (
+    "--rows",
+    "--row-width",
+    "--mode",
+    "--speed",
+    "--hosts",
+    "--duration",
+    "--web",
+    "--progress",
+    "--patience",
+    "--seed",
+    "--dispatch",
+    "--route",
+    "--rows-to-pickers",
+    "--resume",
+    "--replay",
+    "--secure",
+    "--connect",
+    "--listen",
+    "--without",
+)
+# Command lines in which a user, or a program, has left an escape sequence.
 CONTROLLING = [
-    *(
-        [option, ESCAPE]
-        for option in (
-            "--rows",
-            "--row-width",
-            "--mode",
-            "--speed",
-            "--hosts",
-            "--duration",
-            "--web",
-            "--progress",
-            "--patience",
-            "--seed",
-            "--dispatch",
-            "--route",
-            "--rows-to-pickers",
-            "--resume",
-            "--replay",
-            "--secure",
-            "--connect",
-            "--listen",
-            "--without",
-        )
-    ),
+    *([option, ESCAPE] for option in OPTIONS_WITH_A_VALUE),
     [ESCAPE],
     [f"{ESCAPE}.yaml"],
     [f"{ESCAPE}.rrd"],

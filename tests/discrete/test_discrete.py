@@ -30,9 +30,11 @@ VARIED = {"spread": {"distribution": "gamma", "cv": 0.3}, "failure": FAILURE}
 
 
 def orchard(**values: Any) -> Scenario:
+    """Return a scenario without people and animals, with these values."""
     return Scenario(**NOBODY | {"dispatch": "nearest"} | values)
 
 
+# The values of each harvest, which the simulator does, too.
 HARVESTS: dict[str, dict[str, Any]] = {
     "nearest": {"rows": 4, "pickers": 2, "carriers": 1},
     "farthest-first": {
@@ -43,28 +45,33 @@ HARVESTS: dict[str, dict[str, Any]] = {
         "rows_to_pickers": "manual",
     },
     "predictive, two-way": {
-        **{"rows": 6, "pickers": 6, "carriers": 3, "dispatch": "predictive"},
-        **{"route": "two-way", "rows_to_pickers": "balanced-ends"},
+        "rows": 6,
+        "pickers": 6,
+        "carriers": 3,
+        "dispatch": "predictive",
+        "route": "two-way",
+        "rows_to_pickers": "balanced-ends",
     },
     "rolling": {
-        **{"rows": 6, "pickers": 3, "carriers": 2, "dispatch": "rolling", "row_length": 40.0},
-        **{"route": "two-way", "rows_to_pickers": "balanced-ends"},
+        "rows": 6,
+        "pickers": 3,
+        "carriers": 2,
+        "dispatch": "rolling",
+        "row_length": 40.0,
+        "route": "two-way",
+        "rows_to_pickers": "balanced-ends",
     },
     "rolling, and bins that fill where their picker drives out": {
-        **{
-            "rows": 4,
-            "pickers": 4,
-            "carriers": 4,
-            "row_length": 40.0,
-            "metres_per_bin": 22.0,
-            "picking_speed": 0.5,
-        },
-        **{
-            "order_in_row": "outward",
-            "dispatch": "rolling",
-            "route": "two-way",
-            "rows_to_pickers": "balanced-ends",
-        },
+        "rows": 4,
+        "pickers": 4,
+        "carriers": 4,
+        "row_length": 40.0,
+        "metres_per_bin": 22.0,
+        "picking_speed": 0.5,
+        "order_in_row": "outward",
+        "dispatch": "rolling",
+        "route": "two-way",
+        "rows_to_pickers": "balanced-ends",
     },
     "a user's policy that asks what all carriers do": {
         **SHORT,
@@ -88,30 +95,26 @@ HARVESTS: dict[str, dict[str, Any]] = {
         "seed": 2,
     },
     "carriers that charge": {
-        **{
-            "rows": 8,
-            "pickers": 4,
-            "carriers": 3,
-            "row_length": 30.0,
-            "dispatch": "predictive",
-            "route": "two-way",
-        },
-        **{
-            "carrying": {"battery": {"hours": 0.2, "hours_to_charge": 0.1, "reserve": 0.75}},
-            "chargers": 2,
-        },
+        "rows": 8,
+        "pickers": 4,
+        "carriers": 3,
+        "row_length": 30.0,
+        "dispatch": "predictive",
+        "route": "two-way",
+        "carrying": {"battery": {"hours": 0.2, "hours_to_charge": 0.1, "reserve": 0.75}},
+        "chargers": 2,
     },
     "bins that go on with the next row": {**SHORT, "rows": 4, "metres_per_bin": 15.0},
     "bins that fill inside rows that are picked slowly": {
-        **{
-            "rows": 4,
-            "pickers": 4,
-            "carriers": 3,
-            "row_length": 40.0,
-            "metres_per_bin": 16.0,
-            "picking_speed": 0.3,
-        },
-        **{"dispatch": "predictive", "route": "two-way", "rows_to_pickers": "balanced-ends"},
+        "rows": 4,
+        "pickers": 4,
+        "carriers": 3,
+        "row_length": 40.0,
+        "metres_per_bin": 16.0,
+        "picking_speed": 0.3,
+        "dispatch": "predictive",
+        "route": "two-way",
+        "rows_to_pickers": "balanced-ends",
     },
     "nearest, two-way": {
         "rows": 5,
@@ -121,37 +124,33 @@ HARVESTS: dict[str, dict[str, Any]] = {
         "row_length": 30.0,
     },
     "pickers that drive into their rows": {
-        **{"rows": 3, "pickers": 3, "carriers": 1, "row_length": 40.0},
-        **{"dispatch": "predictive", "rows_to_pickers": "balanced-ends"},
+        "rows": 3,
+        "pickers": 3,
+        "carriers": 1,
+        "row_length": 40.0,
+        "dispatch": "predictive",
+        "rows_to_pickers": "balanced-ends",
     },
     "bins of rows that are picked slowly, and one of them much faster than the mean": {
-        **{
-            "rows": 4,
-            "carriers": 2,
-            "pickers": 2,
-            "row_length": 30.0,
-            "picking_speed": 0.1,
-            "seed": 10,
-        },
-        **{
-            "dispatch": "predictive",
-            "picking": {"spread": {"distribution": "lognormal", "cv": 0.6}},
-        },
+        "rows": 4,
+        "carriers": 2,
+        "pickers": 2,
+        "row_length": 30.0,
+        "picking_speed": 0.1,
+        "seed": 10,
+        "dispatch": "predictive",
+        "picking": {"spread": {"distribution": "lognormal", "cv": 0.6}},
     },
     "bins that see how fast their row is picked only in it": {
-        **{
-            "rows": 4,
-            "pickers": 3,
-            "carriers": 1,
-            "row_length": 30.0,
-            "picking_speed": 0.5,
-            "seed": 9,
-        },
-        **{
-            "dispatch": "predictive",
-            "rows_to_pickers": "balanced-ends",
-            "picking": {"spread": {"distribution": "gamma", "cv": 0.5}},
-        },
+        "rows": 4,
+        "pickers": 3,
+        "carriers": 1,
+        "row_length": 30.0,
+        "picking_speed": 0.5,
+        "seed": 9,
+        "dispatch": "predictive",
+        "rows_to_pickers": "balanced-ends",
+        "picking": {"spread": {"distribution": "gamma", "cv": 0.5}},
     },
 }
 
@@ -203,25 +202,23 @@ def test_more_people_lengthen_a_harvest_and_nobody_is_free() -> None:
 
 
 def test_the_long_run_is_slower_with_people() -> None:
-    alone, disturbed = (
-        orchard(rows=4, pickers=2, carriers=1, people={"workers": workers, "visitors": 0})
-        for workers in (0, 30)
-    )
-    assert (
-        long_run(lay_out(disturbed)).bins_per_hour < 0.99 * long_run(lay_out(alone)).bins_per_hour
-    )
+    def rate(workers: int) -> float:
+        people = {"workers": workers, "visitors": 0}
+        layout = lay_out(orchard(rows=4, pickers=2, carriers=1, people=people))
+        return long_run(layout).bins_per_hour
+
+    assert rate(workers=30) < 0.99 * rate(workers=0)
 
 
 def test_in_the_long_run_pickers_with_fewer_rows_keep_up() -> None:
     """If they were done while others go on, the long run would have too few pickers."""
     layout = lay_out(orchard(rows=5, pickers=4, carriers=8, **ONE_WAY))
     assert sorted(len(block.rows) for block in layout.blocks.values()) == [1, 1, 1, 2]
-    assert {
-        name: len(block.rows) for name, block in DiscreteHarvest(layout, 6).layout.blocks.items()
-    } == dict.fromkeys(layout.blocks, 6)
-    assert long_run(layout).bins_per_hour == pytest.approx(
-        long_run(layout, 48).bins_per_hour, rel=0.01
-    )
+    # In a run of six rows for each picker, all have six.
+    for block in DiscreteHarvest(layout, 6).layout.blocks.values():
+        assert len(block.rows) == 6
+    longer = long_run(layout, 48).bins_per_hour
+    assert long_run(layout).bins_per_hour == pytest.approx(longer, rel=0.01)
 
 
 def test_the_long_run_of_slow_pickers_is_no_jam() -> None:
@@ -237,13 +234,12 @@ def test_waits_and_shares_are_of_the_same_time_as_the_rate() -> None:
     layout = lay_out(orchard(rows=4, pickers=2, carriers=1))
     result = long_run(layout)
     bounds = Bounds(layout)
-    # s from one bin to the next.
-    each_picker = 3600.0 * 2 / result.bins_per_hour
-    own_time = bounds.picking_seconds + bounds.crossing_seconds + _own_drive(layout)
-    assert result.picker_waiting_seconds == pytest.approx(each_picker - own_time, rel=0.05)
-    assert result.carrier_utilisation == pytest.approx(
-        result.bins_per_hour * _trip_seconds(layout) / 3600.0, rel=0.03
-    )
+    # Of each of the two pickers, s from one bin to the next. What is not work is waiting.
+    seconds_per_bin = 3600.0 * 2 / result.bins_per_hour
+    work = bounds.picking_seconds + bounds.crossing_seconds + _own_drive(layout)
+    assert result.picker_waiting_seconds == pytest.approx(seconds_per_bin - work, rel=0.05)
+    utilisation = result.bins_per_hour * _trip_seconds(layout) / 3600.0
+    assert result.carrier_utilisation == pytest.approx(utilisation, rel=0.03)
 
 
 def _own_drive(layout: Layout) -> float:

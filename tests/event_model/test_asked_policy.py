@@ -14,7 +14,11 @@ CREWS = [
     {"rows": 5, "pickers": 5, "carriers": 2, "picking_speed": 0.3, "bins_per_row": 2.0},
     # Calls of bins that fill for long, and fail meanwhile.
     {
-        **{"rows": 3, "pickers": 3, "carriers": 1, "picking_speed": 0.05, "seed": 3},
+        "rows": 3,
+        "pickers": 3,
+        "carriers": 1,
+        "picking_speed": 0.05,
+        "seed": 3,
         "picking": {
             "spread": {"distribution": "gamma", "cv": 0.3},
             "failure": {"mean_between": 120.0, "mean_repair": 60.0},

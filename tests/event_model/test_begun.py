@@ -221,8 +221,13 @@ def test_a_robot_that_was_pushed_is_told() -> None:
 
 
 CHARGING: dict[str, Any] = {
-    **{"rows": 6, "pickers": 3, "carriers": 4, "picking_speed": 0.5},
-    **{"dispatch": "nearest", "route": "one-way", "chargers": 1},
+    "rows": 6,
+    "pickers": 3,
+    "carriers": 4,
+    "picking_speed": 0.5,
+    "dispatch": "nearest",
+    "route": "one-way",
+    "chargers": 1,
     "carrying": {
         "battery": {"hours": 0.2, "standing": 0.3, "hours_to_charge": 0.03, "reserve": 0.8}
     },

@@ -66,8 +66,13 @@ def test_a_step_that_the_model_does_not_know_is_named(monkeypatch: pytest.Monkey
 def test_a_harvest_is_the_same_after_one_with_another_seed(seed: int) -> None:
     """Seeds share a program, though each picks rows at other speeds."""
     values = NOBODY | {
-        **{"rows": 8, "pickers": 4, "carriers": 3, "picking_speed": 0.5},
-        **{"dispatch": "predictive", "route": "one-way", "rows_to_pickers": "balanced"},
+        "rows": 8,
+        "pickers": 4,
+        "carriers": 3,
+        "picking_speed": 0.5,
+        "dispatch": "predictive",
+        "route": "one-way",
+        "rows_to_pickers": "balanced",
         "picking": {"spread": {"distribution": "gamma", "cv": 0.3}},
     }
 

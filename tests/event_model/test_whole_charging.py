@@ -26,8 +26,14 @@ MEAN_SHARE = 0.005
 SHARE = 0.01
 # A carrier gets flat on its way to the bay, and the other one stands behind it.
 FLAT: dict[str, Any] = {
-    **{"rows": 4, "pickers": 2, "carriers": 2, "row_length": 24.0, "picking_speed": 0.5},
-    **{"chargers": 2, "route": "one-way", "dispatch": "predictive"},
+    "rows": 4,
+    "pickers": 2,
+    "carriers": 2,
+    "row_length": 24.0,
+    "picking_speed": 0.5,
+    "chargers": 2,
+    "route": "one-way",
+    "dispatch": "predictive",
     "carrying": {
         "battery": {"hours": 0.1, "hours_to_charge": 0.05, "reserve": 0.5, "standing": 0.3}
     },
@@ -45,9 +51,12 @@ def charging_cells(seed: int, count: int, most_rows: int = 6) -> Iterator[dict[s
             "standing": 0.3,
         }
         yield {
-            **{"rows": chances.randint(3, most_rows), "pickers": chances.randint(2, 3)},
-            **{"carriers": chances.randint(1, 4), "row_length": 24.0},
-            **{"picking_speed": chances.choice([1.0, 0.5]), "chargers": chances.randint(1, 3)},
+            "rows": chances.randint(3, most_rows),
+            "pickers": chances.randint(2, 3),
+            "carriers": chances.randint(1, 4),
+            "row_length": 24.0,
+            "picking_speed": chances.choice([1.0, 0.5]),
+            "chargers": chances.randint(1, 3),
             "route": chances.choice(["one-way", "two-way"]),
             "dispatch": chances.choice(["nearest", "predictive", "farthest-first"]),
             "carrying": {"battery": battery},

@@ -105,7 +105,7 @@ def speed(run) -> float:
 
 
 def test_advice_wakes_the_agent_of_a_robot_that_holds(run):
-    """The agent is asked again, because the robot is no longer where the hold expects it."""
+    """Advice moves a robot whose agent holds, so the agent is asked again."""
     engine = run.physics.run.engine
     one_tick(run)
     engine.observe()

@@ -33,6 +33,7 @@ FORWARD = Twist(x=0.5)
 
 @pytest.fixture
 def driven() -> Stage:
+    """Return a stage on which picker_01 has driven at 0.5 m/s for 3 s, and drives on."""
     stage = Stage(empty_orchard(), picker_01=Driven(FORWARD))
     stage.run(3.0)
     return stage
@@ -44,14 +45,16 @@ def driven() -> Stage:
 )
 def test_a_robot_and_its_bin_stand_until_they_are_reset(driven, stopped, reset):
     assert sorted(driven.local.engine.stop([stopped])) == ["bin_01", "picker_01"]
-    where = driven.pose("picker_01"), driven.pose("bin_01")
+    picker = driven.pose("picker_01")
+    bin_ = driven.pose("bin_01")
     driven.run(5.0)
     assert driven.local.actions["picker_01"].twist == FORWARD, "its agent drives"
-    assert (driven.pose("picker_01"), driven.pose("bin_01")) == where
+    assert driven.pose("picker_01") == picker
+    assert driven.pose("bin_01") == bin_
     driven.local.engine.reset([reset])
     driven.run(4.0)
-    assert driven.pose("picker_01")[0] == pytest.approx(where[0][0] + 2.0)
-    assert driven.pose("bin_01")[0] == pytest.approx(where[1][0] + 2.0)
+    assert driven.pose("picker_01")[0] == pytest.approx(picker[0] + 2.0)
+    assert driven.pose("bin_01")[0] == pytest.approx(bin_[0] + 2.0)
 
 
 def test_a_reset_robot_goes_on_and_never_back():
@@ -65,7 +68,8 @@ def test_a_reset_robot_goes_on_and_never_back():
         for _ in range(15):
             stage.tick()
             xs.append(stage.pose("picker_01")[0])
-        assert xs == sorted(xs) and xs[-1] > xs[0], ticks
+        assert xs == sorted(xs), ticks
+        assert xs[-1] > xs[0], ticks
 
 
 def test_all_robots_stand_and_people_and_animals_walk_on():
@@ -120,7 +124,7 @@ def test_a_stop_during_coupling_ends_well():
 
 
 def test_a_long_stop_is_no_jam_and_a_jam_comes_back(soon_jammed):
-    """A jam from before the stop is one again after the reset."""
+    """While robots are stopped no time counts. After the reset it counts from zero."""
     stage = Stage(empty_orchard(), **{name: Standing() for name in ("carrier_01", "carrier_02")})
     stage.run(100)
     stage.local.engine.stop()

@@ -46,6 +46,8 @@ pytestmark = pytest.mark.processes
 
 
 class Child:
+    """A pretended process, and the lifeline to it."""
+
     def __init__(self, order):
         self.order = order
         self.returncode = None
@@ -70,6 +72,8 @@ def clock():
 
 
 class Watched(Supervisor):
+    """A supervisor of pretended processes, which keeps what it says."""
+
     def __init__(self, clock):
         super().__init__(say=self._keep, clock=clock)
         self.said = []
@@ -83,7 +87,7 @@ class Watched(Supervisor):
         return self.children[-1], self.children[-1]
 
     def _clear_up(self, running):
-        """They leave nothing."""
+        """Do nothing: pretended processes leave nothing."""
 
 
 @pytest.fixture

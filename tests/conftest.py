@@ -138,11 +138,13 @@ def folder(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session")
 def stranger(tmp_path_factory) -> Path:
+    """Make roles by another authority."""
     return make_roles(tmp_path_factory.mktemp("stranger") / "roles")
 
 
 @pytest.fixture(scope="session")
 def server(tmp_path_factory):
+    """Serve the page. Give its address, and the folder of its runs."""
     runs = tmp_path_factory.mktemp("runs")
     with served(runs) as address:
         yield address, runs
@@ -150,6 +152,7 @@ def server(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def downloads(tmp_path_factory):
+    """Make the folder into which the browser downloads."""
     return tmp_path_factory.mktemp("downloads")
 
 

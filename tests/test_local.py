@@ -91,6 +91,8 @@ def test_a_harvest_ends_as_harvested():
 
 
 class Failing:
+    """An agent that raises an error."""
+
     Memory = dict
 
     def tick(self, seen, mail, memory) -> Action:

@@ -80,6 +80,7 @@ def listed(browser, three_runs):
 
 
 def choose(browser, title):
+    """Choose a run in the list by its title, or take that back."""
     browser.click(f"[data-view=runs] [aria-label$='{title}']")
 
 

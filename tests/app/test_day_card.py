@@ -27,6 +27,7 @@ def draft():
 
 @pytest.fixture
 def day(draft):
+    """Return a draft with a working day and breaks."""
     draft.enter(DAY)
     return draft
 

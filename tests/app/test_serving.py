@@ -192,7 +192,8 @@ def test_only_some_pages_wait_for_their_browsers():
     for waiting in pages:
         unseen.add(waiting)
 
-    oldest, newest = pages[:-MOST_UNSEEN], pages[-MOST_UNSEEN:]
+    oldest = pages[:-MOST_UNSEEN]
+    newest = pages[-MOST_UNSEEN:]
     assert all(waiting.is_deleted for waiting in oldest)
     assert not any(waiting.is_deleted for waiting in newest)
     assert not seen.is_deleted

@@ -113,6 +113,7 @@ def test_a_carrier_that_goes_flat_in_its_charging_line_charges(holds):
 
 @cache
 def expected_hash() -> str:
+    """Return the hash of a run without interruption."""
     return local_hash(charging(), TICKS)
 
 
@@ -134,6 +135,7 @@ def test_holds_change_nothing_when_carriers_charge(caplog):
 
 @cache
 def while_charging() -> Snapshot:
+    """Return a snapshot 10 s after the first carrier has begun to charge."""
     local = Local.resume(before_charging())
     while not local.engine.world.plugged.any():
         assert local.engine.tick < TICKS

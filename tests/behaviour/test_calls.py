@@ -91,6 +91,7 @@ def exchanges(stage: Stage) -> list[tuple[str, str]]:
 
 
 def assert_every_bin_is_taken_once(stage: Stage, rows: int = 3) -> None:
+    """Harvest to the end. Each row has one bin, which is taken once."""
     stage.run_to_the_end()
     bins = [bin_name for _, bin_name in exchanges(stage)]
     assert len(bins) == rows

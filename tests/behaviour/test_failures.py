@@ -37,6 +37,7 @@ def varied(seed: int = 1, **changes) -> Scenario:
 
 @cache
 def harvest(seed: int) -> Stage:
+    """Return the stage of a whole harvest with this seed."""
     stage = Stage(varied(seed))
     stage.run_to_the_end(2000)
     return stage

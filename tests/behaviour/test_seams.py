@@ -43,11 +43,13 @@ TICKS = 500
 
 
 def scenario(**named) -> Scenario:
+    """Return a small scenario that names the user's own classes."""
     alone = {"people": {"workers": 1, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "weeds": 0}
     return Scenario(rows=4, pickers=2, carriers=2, row_length=20.0, **alone, **named)
 
 
 def run(local: Local, ticks: int = 12_000) -> Local:
+    """Let a run go on for some ticks."""
     while not local.engine.over and local.engine.tick < ticks:
         local.tick()
     return local
@@ -124,6 +126,7 @@ def test_an_answer_of_an_own_type_arrives_as_that_type():
 
 
 def from_the_middle(first, last, metres):
+    """Order a row from its middle, whatever is asked."""
     return (first + last) / 2
 
 

@@ -48,6 +48,7 @@ def spaced(number: int) -> Scenario:
 
 
 def harvest_to_the_end(number: int) -> None:
+    """Harvest one of the drawn scenarios without a collision."""
     scenario = spaced(number)
     print(f"harvest {number}: {scenario}")
     stage = Stage(scenario)

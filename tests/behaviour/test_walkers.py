@@ -1,4 +1,5 @@
 """People, animals and weeds: they steer by their scans, and what moves flattens weeds."""
+
 from itertools import pairwise
 
 import numpy as np

@@ -19,6 +19,7 @@ DAY = WorkShift(begin="07:00", end="16:00", breaks=(("10:00", "10:15"), ("12:00"
 
 
 def read(tmp_path, text: str):
+    """Write a log, and read it."""
     path = tmp_path / "log.csv"
     path.write_text(text)
     return read_log(path)

@@ -183,10 +183,12 @@ def test_a_port_that_is_taken_is_free_again_when_it_is_let_go():
 
 @pytest.fixture(scope="module")
 def wanted():
+    """Return what a run of 60 s must come to."""
     return Baseline().result(scenario(1), 600)
 
 
 def summary(wanted, **changes):
+    """Return the summary of a good run, with these changes."""
     valid = {
         "ticks": 600,
         "hash": wanted.hash,
@@ -215,6 +217,7 @@ MISTAKEN = next(drawn for drawn in TRIALS if drawn.mode == "lockstep" and drawn.
 
 
 def execution(exit_code=0):
+    """Return how a run with two faults went."""
     return Execution(
         ["kill physics", "kill physics"],
         [Recovery("kill physics", 1.0), Recovery("kill physics", 3.0)],
@@ -282,6 +285,7 @@ def test_every_run_has_a_time_limit():
 
 
 def memory(megabytes, handles):
+    """Return the samples of a process, 5,000 ticks apart."""
     return MemorySeries(
         "physics",
         [

@@ -21,6 +21,7 @@ from orchard.wire.keys import PHYSICS
 
 
 def plan(*faults: Fault, ticks: int = 60, hosts: int = 2, **others) -> Plan:
+    """Return a plan with these faults."""
     walks = others.get("has_bare_client") and others.get("mode") == "realtime"
     given = {
         "scene": WITH_WALKERS if walks else "rolling",

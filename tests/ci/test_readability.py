@@ -48,6 +48,7 @@ def readability():
 
 
 def counts(readability, monkeypatch, tmp_path: Path, code: str) -> dict[str, int]:
+    """Return how often each measure counts something in a piece of code."""
     monkeypatch.setattr(readability, "ROOT", tmp_path)
     (tmp_path / "code.py").write_text(code + "\n")
     area = readability.measured("code", [tmp_path / "code.py"])

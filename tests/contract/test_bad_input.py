@@ -45,6 +45,7 @@ def running(fleet, tmp_path):
 
 
 def every_key(someone):
+    """Return all keys of a run, for some names and sessions."""
     sessions = {
         str(reply.ok.key_expr).rsplit("/", 1)[1]
         for reply in someone.session.liveliness().get("orchard/alive/**")
@@ -61,6 +62,7 @@ def every_key(someone):
 
 
 def wait_for_the_end(fleet, logger):
+    """Wait for the end of a run. Return what its processes have printed."""
     code, out, err = fleet.world.end()
     assert code == 0, err
     assert logger.end()[0] == 0

@@ -18,10 +18,12 @@ from orchard.local import Local
 
 
 def with_picker(class_):
+    """Return the small scenario with a class of `unrepeatable` as picker_01."""
     return SMALL.model_copy(update={"agents": {"picker_01": f"unrepeatable.{class_}"}})
 
 
 def checked(class_, ticks=6):
+    """Run with `--check-agents` for some ticks."""
     return played(Local(with_picker(class_), check_agents=True), ticks)
 
 

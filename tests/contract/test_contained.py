@@ -95,6 +95,7 @@ class SettingNearest(Nearest):
 
 
 def local(**changes):
+    """Make agents, and run for three ticks."""
     played(SMALL.model_copy(update=changes), 3)
 
 

@@ -196,6 +196,7 @@ actions = (
 
 
 def of_the_guard(action, mail=None):
+    """Return a guard, and what it passes of an action of picker_01."""
     guard = Guard("picker_01", Doing(action), NAMES)
     return guard, guard.tick(without_body("picker_01", 7), mail or Mail(), {"a": 1})
 
@@ -308,6 +309,8 @@ def test_whatever_an_agent_raises_breaks_only_this_agent(error):
 
 
 class Busy:
+    """An agent that is at work when Ctrl-C comes."""
+
     Memory = dict
 
     def tick(self, observation, mail, memory):
@@ -316,6 +319,7 @@ class Busy:
 
 
 def stop(number, frame):
+    """Act as Ctrl-C does."""
     raise KeyboardInterrupt
 
 

@@ -30,6 +30,7 @@ from orchard.wire.messages import Report
 
 
 def with_picker_01(agent_class):
+    """Return the hash of 40 ticks with a class as picker_01."""
     layout = lay_out(SMALL)
     return local_hash(
         SMALL, 40, make_agents(layout) | {"picker_01": agent_class(layout, "picker_01")}

@@ -25,12 +25,14 @@ ADVICE = (
 
 
 def arrays_of(seen):
+    """Return the arrays of an observation."""
     return [seen.scan] + (
         [seen.hitch.scan] if seen.hitch is not None and seen.hitch.scan is not None else []
     )
 
 
 def over_the_wire(observations):
+    """Return observations as they arrive over the network."""
     return codec.observations_of(codec.seen_of("run", observations, list(observations.names), []))
 
 
@@ -63,6 +65,8 @@ def test_the_layout_that_all_agents_share_cannot_be_changed():
 
 @dataclass
 class Meddler(own_agents.Eastward):
+    """An agent that changes what it is given."""
+
     what: str
     Memory = dict
     failed: list = field(default_factory=list)

@@ -91,6 +91,7 @@ def deliveries(harvest: EventHarvest) -> list[int]:
 
 
 def moment_of(run: Local) -> RunMoment:
+    """Return a moment of a run, from which the event model goes on."""
     return RunMoment(run.engine.world, run.memories, run.post.written)
 
 
@@ -209,6 +210,7 @@ def crowded(seed: int, count: int) -> Iterator[Layout]:
 
 
 def assert_all_good(seed: int, count: int) -> None:
+    """Harvest some crowded orchards in the simulator."""
     for layout in crowded(seed, count):
         delivered(Local(layout.scenario, is_hashed=False))
 

@@ -186,6 +186,7 @@ def test_with_people_the_mean_is_that_of_the_simulator(cell: str) -> None:
 
 
 def seconds_with(workers: int, seed: int) -> float:
+    """Return how long a harvest with some workers takes, s."""
     values = {"people": {"workers": workers, "visitors": 0}, "seed": seed}
     return DiscreteHarvest(lay_out(orchard(rows=4, pickers=2, carriers=2, **values))).run().seconds
 

@@ -246,6 +246,7 @@ def test_a_way_that_empties_a_battery_is_refused() -> None:
 
 
 def with_trailers(count: int, bins: int, **values: Any) -> Layout:
+    """Return a layout with trailers that are away for 150 s."""
     trailers = {"count": count, "bins": bins}
     return small(**values, load_out={"seconds_away": 150.0, "trailers": trailers})
 
@@ -411,6 +412,7 @@ def test_the_event_model_goes_on_from_a_haul_before_charging() -> None:
 
 
 def is_any_away_before_charging(run: Local) -> bool:
+    """Whether a carrier is at the load-out, and charges after that."""
     carriers = [run.memories[name] for name in run.memories if kind_of(name) == "carrier"]
     return any(
         isinstance(memory.plan[0], Haul) and any(isinstance(step, Charge) for step in memory.plan)

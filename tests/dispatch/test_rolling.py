@@ -22,6 +22,7 @@ HEAD = CarrierReport("carrier_01", "", True, 0.0)
 
 
 def orchard(**values: Any) -> Any:
+    """Return a small orchard with the policy `rolling`."""
     return lay_out(
         empty_orchard(
             **{"dispatch": "rolling", "route": "two-way", "rows_to_pickers": "balanced-ends"}

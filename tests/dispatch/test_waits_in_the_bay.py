@@ -42,6 +42,7 @@ def harvests(count: int) -> list[dict[str, Any]]:
 
 
 def seconds(values: dict[str, Any], dispatch: str) -> float:
+    """Return how long a harvest with a policy takes, s."""
     layout = lay_out(Scenario.model_validate(values | {"dispatch": dispatch}))
     harvest = DiscreteHarvest(layout).run()
     assert harvest.is_over

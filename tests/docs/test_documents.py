@@ -261,6 +261,7 @@ STEPS = {step.splitlines()[0]: blocks(step) for step in TUTORIAL.split("\n## ")[
 
 
 def run_in(folder, command):
+    """Run a command in a folder. Return what it prints."""
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout

@@ -70,6 +70,7 @@ class Course:
 
 @cache
 def course(name: str) -> Course:
+    """Return the quiet harvest of the default, or of the manual."""
     return Course(QUIET[name])
 
 

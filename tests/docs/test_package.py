@@ -71,6 +71,7 @@ def test_imports_of_the_documents_come_with_a_dependency():
 
 
 def _imported_by(node):
+    """Return the modules that a statement imports."""
     if isinstance(node, ast.Import):
         return [alias.name for alias in node.names]
     return [node.module] if isinstance(node, ast.ImportFrom) and node.module else []

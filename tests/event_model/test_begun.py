@@ -28,6 +28,7 @@ SMALL = NOBODY | {"rows": 5, "pickers": 3, "carriers": 3, "row_length": 24.0}
 
 
 def moment_of(run: Local) -> RunMoment:
+    """Return a moment of a run, from which a harvest goes on."""
     return RunMoment(run.engine.world, run.memories, run.post.written)
 
 
@@ -36,6 +37,7 @@ def lay_out_small(**values: Any) -> Layout:
 
 
 def memories_of_pickers(run: Local) -> list[Any]:
+    """Return the memories of those pickers that have one."""
     return [run.memories[name] for name in run.engine.layout.blocks if name in run.memories]
 
 

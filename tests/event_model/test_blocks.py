@@ -52,6 +52,7 @@ def drawn_block(random: Random) -> Scenario:
 
 
 def _outline(random: Random, shape: str) -> Outline:
+    """Return where rows begin and end, by how far south they lie."""
     length = random.choice([40.0, 70.0])
     slope = random.choice([-1.0, -0.5, 0.3, 1.0])
     if shape == "slanted":

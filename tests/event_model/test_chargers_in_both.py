@@ -82,6 +82,7 @@ def cases(seed: int, count: int) -> Iterator[tuple[Layout, list[Visit]]]:
 
 
 def _visit(chances: Random, layout: Layout) -> Visit:
+    """Draw the visit of a carrier."""
     came = chances.randint(IN_LINE, ARRIVALS)
     return Visit(
         charge=chances.uniform(0.3, 0.85),

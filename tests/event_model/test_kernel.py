@@ -27,6 +27,7 @@ def small(dispatch: str) -> Layout:
 
 
 def figures(harvest: EventHarvest) -> tuple[Any, ...]:
+    """Return what a harvest comes to."""
     return (
         harvest.deliveries,
         harvest.seconds,

@@ -60,6 +60,7 @@ def test_the_plain_machine_sees_jobs_that_are_translated_later() -> None:
 
 
 def eventful(dispatch: str) -> Layout:
+    """Return a layout in which something of each kind happens."""
     values = EVENTFUL | {"rows": 6, "pickers": 3, "carriers": 3, "dispatch": dispatch}
     return lay_out(Scenario(**values))
 

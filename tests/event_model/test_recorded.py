@@ -21,6 +21,7 @@ RECORDED: list[dict[str, Any]] = json.loads(
 
 
 def layout_of(recorded: dict[str, Any]) -> Layout:
+    """Return the layout of a recorded harvest."""
     return lay_out(Scenario.model_validate(recorded["scenario"]))
 
 

@@ -134,6 +134,7 @@ def test_a_file_of_the_user_comes_before_a_shipped_scenario(tmp_path: Path, monk
 
 
 def fields(section: dict, schema: dict) -> dict[str, dict]:
+    """Return all fields of a section and those below, by name."""
     by_name = {}
     for name, field in section["properties"].items():
         ref = (field.get("items") or (field.get("anyOf") or [field])[0]).get("$ref", "")
@@ -290,6 +291,7 @@ def test_a_scenario_survives_yaml(scenario: Scenario) -> None:
 
 
 def scenario_or_error(make: object, *arguments: object) -> None:
+    """Return a scenario, or None if there is an error in few words."""
     try:
         assert isinstance(make(*arguments), Scenario)
     except ScenarioError as refusal:

@@ -299,6 +299,7 @@ def test_problems_are_data_too() -> None:
 
 
 def unreadable(path: Path | str) -> str:
+    """Return the error of a file that cannot be read."""
     with pytest.raises(ScenarioError) as caught:
         load(path)
     return str(caught.value)

@@ -38,12 +38,14 @@ boxes = st.tuples(st.floats(-4.0, 4.0), st.floats(-4.0, 4.0), yaws, halves, halv
 
 
 def box_of(x, y, yaw, half_length, half_width) -> np.ndarray:
+    """Return a box as the kernels have it."""
     box = boxes_of(np.zeros((1, 2)), np.array([[half_length, half_width]]))
     place(np.array([[x, y, yaw]]), box)
     return box[0]
 
 
 def edge_points(x, y, yaw, half_length, half_width) -> np.ndarray:
+    """Return points on the edge of a box."""
     t = np.linspace(-1.0, 1.0, 41)
     ones = np.ones_like(t)
     along = half_length * np.concatenate([t, t, ones, -ones])

@@ -34,6 +34,7 @@ FULLEST = BIGGEST.model_copy(update={"rows": 3, "pickers": 3, "row_width": 5.0})
 
 @st.composite
 def scenarios(draw: st.DrawFn) -> Scenario:
+    """Draw any legal scenario."""
     rows = draw(st.integers(3, 20) | st.just(100))
     workers = draw(st.integers(0, 50))
     dogs = draw(st.integers(0, 50))
@@ -53,6 +54,7 @@ def scenarios(draw: st.DrawFn) -> Scenario:
 
 
 def box(start: Start) -> np.ndarray:
+    """Return the corners and the middle of a body."""
     ahead = KINDS[start.kind].length / 2
     left = KINDS[start.kind].width / 2
     return np.array(
@@ -64,6 +66,7 @@ def box(start: Start) -> np.ndarray:
 
 
 def of(layout: Layout, *kinds: str) -> list[Start]:
+    """Return the bodies of some kinds."""
     return [start for start in layout.starts if start.kind in kinds]
 
 
@@ -97,6 +100,7 @@ def test_every_legal_scenario_lays_out(scenario: Scenario) -> None:
 
 
 def inside_the_fences(layout: Layout, start: Start) -> bool:
+    """Whether all of a body is inside the fences."""
     low = box(start).min(axis=0)
     high = box(start).max(axis=0)
     return bool(
@@ -105,6 +109,7 @@ def inside_the_fences(layout: Layout, start: Start) -> bool:
 
 
 def assert_counts(layout: Layout) -> None:
+    """Assert that there are as many bodies of each kind as the scenario says."""
     scenario = layout.scenario
     wanted = {
         "picker": scenario.pickers,
@@ -209,6 +214,7 @@ def test_a_body_costs_no_more_in_a_big_orchard(scenario: Scenario) -> None:
 
 
 def places(scenario: Scenario) -> dict[str, tuple[float, float]]:
+    """Return where each body starts, m."""
     return {start.name: (start.pose.x, start.pose.y) for start in lay_out(scenario).starts}
 
 

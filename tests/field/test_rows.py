@@ -19,6 +19,7 @@ sizes = st.integers(3, 20).flatmap(lambda rows: st.tuples(st.just(rows), st.inte
 
 
 def blocks_of(rule: str, rows: int, pickers: int) -> list[Block]:
+    """Return the rows of each picker by a rule."""
     return list(
         rows_to_pickers(Scenario(rows=rows, pickers=pickers, rows_to_pickers=rule)).values()
     )
@@ -74,6 +75,7 @@ DRAWS = 20 * len(SEEDS)
 def scenario(
     distribution: str, cv: float = 0.3, speed: float = 0.1, seed: int = 1, **changes
 ) -> Scenario:
+    """Return a scenario of 20 rows whose times are drawn."""
     spread = {"distribution": distribution, "cv": cv}
     return Scenario(
         rows=20, pickers=10, picking_speed=speed, seed=seed, picking={"spread": spread}, **changes

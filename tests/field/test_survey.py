@@ -132,6 +132,7 @@ def test_the_plan_shows_each_row_at_its_place():
 
 
 def problem(change: dict) -> str:
+    """Return the error of a scenario with this change."""
     scenario = orchard_of(UNEQUAL).model_dump()
     with pytest.raises(ScenarioError) as raised:
         check(scenario | change)
@@ -139,6 +140,7 @@ def problem(change: dict) -> str:
 
 
 def changed(number: int, **values: float | str) -> dict:
+    """Return a survey in which a row has other values."""
     listed = orchard_of(UNEQUAL).model_dump()["survey"]["rows"]
     return {
         "survey": {

@@ -9,6 +9,7 @@ FIGURES = {"collisions": 0, "bins_per_hour": 30.0}
 
 
 def future(ended="harvested", **figures):
+    """Return the summary of a future that ended so."""
     return {**FIGURES, "sim_seconds": 600.0, **figures, "ended": ended}
 
 

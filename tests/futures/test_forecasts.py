@@ -18,6 +18,7 @@ ENDS_BADLY = badly("sim_seconds>700", ["sim_seconds"])
 
 
 def moment_at(tick, **values):
+    """Return a snapshot of a run at a tick."""
     run = Local(Scenario.model_validate(SMALL | NOBODY | values), is_hashed=False)
     while run.engine.tick < tick:
         run.tick()

@@ -20,6 +20,7 @@ FAILURES = ("head-on", "ring", "person", "early")
 
 
 def scenario(name: str, cured: bool) -> Scenario:
+    """Return a scenario of the document, as it is or with its cure."""
     text = block(PAGE, name)
     if cured:
         text, cures = re.subn(r": [^#\n]+# cured: (.+)$", r": \1", text, flags=re.M)

@@ -28,6 +28,7 @@ FIGURES = {
 
 
 def run_to(tick: int, **values: object) -> Local:
+    """Return a run at a tick."""
     run = Local(Scenario.model_validate(SMALL | values), is_hashed=False)
     while run.engine.tick < tick:
         run.tick()

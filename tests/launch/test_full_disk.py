@@ -23,6 +23,7 @@ FULL = "No space left on device"
 
 @pytest.fixture
 def small_disk(tmp_path):
+    """Mount a disk that is soon full."""
     disk = tmp_path / "disk"
     disk.mkdir()
     mounted = subprocess.run(
@@ -39,6 +40,7 @@ def small_disk(tmp_path):
 def harvest(
     disk: Path, seconds: float, *arguments: object, **streams: object
 ) -> subprocess.CompletedProcess:
+    """Harvest on a disk. Return the process that has ended."""
     scenario = ROOT / "config" / "orchard.yaml"
     command = [
         sys.executable,

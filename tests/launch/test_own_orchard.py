@@ -20,6 +20,7 @@ NEEDS = "pyproj is missing: pip install 'orchard-sim[survey,dev]'"
 
 
 def imported(*words: object):
+    """Run `orchard layout import`."""
     return called("layout", "import", *words)
 
 

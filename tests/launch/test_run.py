@@ -92,6 +92,7 @@ def test_a_harvest_in_lockstep_is_that_of_local_mode(local, lockstep):
 
 
 def what_happened(summary):
+    """Return the figures that do not depend on the mode."""
     return {name: value for name, value in summary.items() if name not in OF_THE_MODE}
 
 

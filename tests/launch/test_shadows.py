@@ -54,6 +54,7 @@ def folder(tmp_path):
 
 
 def run(folder, *arguments: object) -> dict:
+    """Run `orchard` in a folder. Return its summary."""
     summary = folder / "summary.json"
     python(ROOT / "run.py", *arguments, "--summary", summary, cwd=folder)
     assert not (folder / "ran").exists(), (folder / "ran").read_text()

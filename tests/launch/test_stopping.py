@@ -77,6 +77,7 @@ def test_the_command_line_stops_a_robot_of_a_run_here(tmp_path, runs, mode):
 
 
 def assert_pauses_and_steps() -> None:
+    """Run the commands of the document: pause, step, resume."""
     lines = [
         orchard(*words).stdout
         for _, _, *words in commands(block("docs/how-to.md", "pause and step"))

@@ -46,6 +46,7 @@ TOKEN = Keys().of("physics", "run1", "a1")
 
 
 def an_end(**summary):
+    """Return the message that a run is over."""
     return Sample("orchard/end", pack(End("run1", 5, True, "harvested", "0" * 64, summary)))
 
 
@@ -79,6 +80,7 @@ def test_an_end_is_believed_only_while_physics_goes():
 
 @pytest.fixture
 def deaf(tmp_path, monkeypatch):
+    """Give a fleet with a process that heeds no request to end, and what the fleet says."""
     (tmp_path / "deaf.py").write_text(DEAF)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     lines = []

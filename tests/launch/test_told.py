@@ -110,6 +110,7 @@ HERE = "tcp/127.0.0.1:7447"
 
 @pytest.fixture(autouse=True)
 def program(monkeypatch, tmp_path):
+    """Let commands be typed as in a folder with run.py and `.venv`."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", [str(tmp_path / "run.py")])
     monkeypatch.setattr(sys, "executable", str(tmp_path / ".venv" / "bin" / "python"))

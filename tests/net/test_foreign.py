@@ -27,6 +27,7 @@ pytestmark = pytest.mark.processes
 
 
 def harvest(fleet, scenario, name="carrier_01", seconds=PATIENCE) -> dict:
+    """Let a foreign client harvest. Return the end, and how many bins it took."""
     fleet.physics(scenario, "--duration", "20000")
     ends = fleet.client().hear("orchard/end")
     fleet.host("--without", name)

@@ -91,6 +91,7 @@ sys.exit(run_process("child", RouterOptions, None, body))
 
 @pytest.fixture
 def complaint():
+    """Collect lines of the log. `there` is set when the first one has come."""
     ear = SimpleNamespace(words=[], there=threading.Event())
 
     class Handler(logging.Handler):

@@ -265,7 +265,7 @@ def test_a_query_that_meets_no_queryable_ends_without_a_reply():
             assert inbox.take(5.0) == bus.Final("ticket")
 
 
-def test_a_host_that_waits_for_an_answer_notes_that_physics_is_gone():
+def test_a_host_that_waits_sees_that_physics_is_gone():
     """While it waits, it calls `meanwhile` again and again; the third call raises here."""
     looks = itertools.count(1)
 

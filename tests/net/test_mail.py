@@ -254,6 +254,7 @@ def velocity(tick):
 
 
 def action(owner="a", tick=3, x=1.0):
+    """Return the arguments of `take` for an answer to a tick."""
     return owner, tick, Report(Twist(x))
 
 
@@ -335,6 +336,7 @@ def test_answers_are_applied_in_one_order():
 
 
 def loose(ticks):
+    """Return the commands for robots that no session holds, and their clock."""
     clock = Clock()
     commands = UnownedCommands(clock)
     for tick in range(ticks):

@@ -47,6 +47,8 @@ def test_replies_to_requests_are_refused_unless_they_are_answers(other):
 
 
 class Crowd(StandIn):
+    """A bus on which a stranger refuses each question, and others reply to it."""
+
     def __init__(self, replies) -> None:
         super().__init__(Net(), "crowd")
         self._replies = replies

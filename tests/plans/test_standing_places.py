@@ -238,6 +238,7 @@ def distance(points: np.ndarray, box: tuple[float, ...]) -> float:
 
 @st.composite
 def surveyed(draw: st.DrawFn) -> Scenario:
+    """Draw an orchard of surveyed rows."""
     drawn = draw(rows(most=5))
     route = draw(st.sampled_from([ONE_WAY, TWO_WAY]))
     ends = draw(st.sampled_from([*RULES, FROM_THE_EAST]))
@@ -248,6 +249,7 @@ def surveyed(draw: st.DrawFn) -> Scenario:
 
 @st.composite
 def orchards(draw: st.DrawFn) -> Scenario:
+    """Draw an orchard of equal rows."""
     rows = draw(st.integers(3, 20))
     route = draw(st.sampled_from([ONE_WAY, TWO_WAY]))
     length = draw(st.just(70.0) | st.floats(20.0, 200.0))

@@ -48,6 +48,7 @@ def spaced(spacing: float, route: str, crew: str, rule: str) -> Scenario:
 
 
 def assert_apart(scenario: Scenario) -> None:
+    """Assert that no two robots that may meet sweep the same place."""
     pairs = collisions(lay_out(scenario))
     assert not pairs, in_words(pairs)
 

@@ -24,6 +24,7 @@ def small(load_out: dict[str, Any], **values: Any) -> Layout:
 
 
 def lost(layout: Layout) -> dict[str, float]:
+    """Return the parts of the time that a harvest lost, s."""
     seconds = DiscreteHarvest(layout).run().seconds
     parts = lost_seconds(layout, seconds)
     assert sum(parts.values()) == pytest.approx(seconds, abs=0.4)

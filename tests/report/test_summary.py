@@ -46,6 +46,7 @@ FIGURES = {
 
 
 def fleet(pickers: int, carriers: int) -> dict[str, str]:
+    """Return what each robot of a fleet does."""
     return {
         **{f"picker_{i + 1:02d}": f"picking row {i + 1}" for i in range(pickers)},
         **{f"carrier_{i + 1:02d}": "waiting in the queue" for i in range(carriers)},
@@ -56,6 +57,7 @@ def fleet(pickers: int, carriers: int) -> dict[str, str]:
 
 
 def printed(doing, waits, width, height) -> list[str]:
+    """Return the lines of the table of robots in a terminal of this size."""
     shown = io.StringIO()
     console = Console(file=shown, width=width, height=height, force_terminal=False)
     console.print(robots(doing, waits, width, height))

@@ -269,6 +269,7 @@ def test_who_has_no_certificate_is_not_let_in(meeting):
 
 
 def assert_not_let_in(words, endpoint, identity=None):
+    """Assert that a client with this identity gets no session."""
     with pytest.raises(BusError, match=words), client(endpoint, seconds=1.0, identity=identity):
         pass
 

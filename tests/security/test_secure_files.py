@@ -162,17 +162,20 @@ def roles(folder, tmp_path) -> Path:
 
 
 def of_ben(own: Path, stranger: Path) -> None:
+    """Give amy the certificate of ben."""
     for name in ("certificate.pem", "key.pem"):
         shutil.copy(own.parent / "ben" / name, own)
 
 
 def expired(own: Path, stranger: Path) -> None:
+    """Give amy a certificate that is over."""
     Authority.begin(30).vouch(
         Keyring.load(own).of("amy").role, own, until=datetime.now(UTC) - timedelta(minutes=1)
     )
 
 
 def with_more_names(own: Path, stranger: Path) -> None:
+    """Add an agent to amy's role, without a certificate for that."""
     (own / "role.json").write_text(
         (own / "role.json").read_text().replace('"picker_01"', '"picker_01", "picker_02"')
     )

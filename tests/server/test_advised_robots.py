@@ -100,6 +100,7 @@ def one_tick(run, *samples: tuple[str, bytes]) -> list[str]:
 
 
 def speed(run) -> float:
+    """Return the forward velocity of the robot, m/s."""
     world = run.physics.run.engine.world
     return float(world.twist[world.index[NAME], 0])
 
@@ -209,12 +210,14 @@ def test_a_deed_is_done_once_beside_a_bare_velocity():
 
 
 def coming(drivers, session, names):
+    """Let a session join with these agents."""
     for name in names:
         drivers.token(name, session, True)
     assert drivers.join(names, session) == {}
 
 
 def going(drivers, session, names):
+    """Let a session's tokens go."""
     for name in names:
         drivers.token(name, session, False)
 
@@ -269,6 +272,7 @@ BROKEN = STATES.index("broken")
 
 
 def with_a_fault(payload: bytes, fault: dict) -> bytes:
+    """Return a message in which the part of a robot is wrong."""
     message = msgpack.unpackb(payload)
     message["velocities"].get("picker_01", {}).update(fault)
     return msgpack.packb(message)

@@ -121,6 +121,7 @@ def test_a_velocity_before_the_next_due_tick_counts_in_this(mode):
 
 
 def asked(someone, what: str, **fields):
+    """Ask physics for something. Return its tick and state."""
     (reply,) = someone.ask(
         f"orchard/{what}", msgpack.packb({"run": someone.run} | fields) if fields else b""
     )
@@ -250,6 +251,7 @@ def test_a_run_that_is_reset_begins_again(fleet, tmp_path, seed):
 
 
 def leave_tables(scenario, folder) -> str:
+    """Leave the tables of a run in local mode. Return its hash."""
     local = Local(scenario, calling_agents.cast(lay_out(scenario)))
     tables = Tables(folder, local.engine)
     while local.engine.tick < TICKS:

@@ -40,6 +40,7 @@ def undisturbed():
 
 
 def process_of(run: subprocess.Popen, word: str) -> psutil.Process:
+    """Return the process of a run with this word in its module, None without one."""
     return next(
         child
         for child in psutil.Process(run.pid).children(recursive=True)
@@ -57,6 +58,7 @@ def first_process(run: subprocess.Popen, word: str) -> psutil.Process:
 
 
 def end(run: subprocess.Popen) -> str:
+    """Wait for the end of a run. Return what it printed."""
     printed, _ = run.communicate(timeout=PATIENCE)
     assert run.returncode == 0, printed
     return printed

@@ -269,6 +269,7 @@ def test_delays_are_told_by_the_share_that_is_below():
 
 
 def nothing_at(tick):
+    """Return the message of a tick at which an agent sees nothing."""
     return Seen(RUN, tick, ["traffic"], [], b"", b"", {}, {}, [])
 
 

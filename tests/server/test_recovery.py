@@ -36,6 +36,7 @@ def wait_for_tick(fleet, tick):
 
 
 def end(process):
+    """Wait for the end of a process that was killed."""
     process.signal(signal.SIGKILL)
     process.end()
 
@@ -109,6 +110,7 @@ def test_who_was_given_up_is_refused_until_it_joins(fleet):
 
 
 def killed_with_snapshots(fleet, tmp_path) -> tuple[str, ...]:
+    """Kill physics after its first snapshots. Return the options to go on."""
     keeping = (*PACE, "--snapshots", str(tmp_path / "snapshots"), "--snapshot-every", "0.2")
     fleet.physics(SMALL, *keeping)
     fleet.share(2, TOY)

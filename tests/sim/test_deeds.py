@@ -15,6 +15,7 @@ from orchard.sim.engine import Engine
 
 
 def beside(kind: str = "picker", off: float = 0.0, aside: float = 0.0, yaw: float = 0.0) -> Yard:
+    """Return a robot and a bin, so far off the coupling point."""
     distance = {"picker": 2.25, "carrier": 1.9, "tractor": 5.0}[kind]
     return yard(
         (kind, Pose(1, 1, NORTH)), ("bin", Pose(1 - aside, 1 - distance + off, NORTH + yaw))
@@ -89,6 +90,7 @@ def test_a_bin_is_coupled_to_one_robot_and_a_robot_to_one_bin():
 
 
 def weed_and_worker(distance: float) -> Yard:
+    """Return a worker and a weed with this distance between their edges."""
     return yard(("worker", Pose(0, 0, NORTH)), ("weed", Pose(0.5 + distance + 0.25, 0, EAST)))
 
 

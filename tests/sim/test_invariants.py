@@ -37,6 +37,7 @@ def checker(world) -> Invariants:
 
 
 def after(checker: Invariants, world: World, *events: Event) -> list[str]:
+    """Let a checker see a step with these events. Return all violations."""
     checker.update(world, step(world, np.zeros_like(world.twist), []) + list(events))
     return checker.violations
 
@@ -46,6 +47,7 @@ def happens(what: str, who: str, whom: str = "", detail: str = "") -> Event:
 
 
 def couple(world: World, robot: str, bin_: str) -> None:
+    """Couple a bin to a robot."""
     world.coupled[world.index[robot]] = world.index[bin_]
     world.coupled[world.index[bin_]] = world.index[robot]
 

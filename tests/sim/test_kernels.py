@@ -34,11 +34,13 @@ LOADED = (
 
 
 def simulated(cache_folder) -> subprocess.CompletedProcess:
+    """Simulate in a process with this folder of kernels."""
     return python("-c", PROGRAM, NUMBA_CACHE_DIR=str(cache_folder), PYTHONPATH=PATH)
 
 
 @pytest.fixture
 def kept(tmp_path):
+    """Return a copy of the folder of compiled kernels."""
     local_hash(Scenario(rows=3), 1)
     folder = cache.kernels_folder()
     shutil.copytree(folder, tmp_path / folder.name)
@@ -46,10 +48,12 @@ def kept(tmp_path):
 
 
 def tear(path):
+    """Leave half of a file."""
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
 
 def flip(path):
+    """Change a bit of a file."""
     content = bytearray(path.read_bytes())
     content[-len(content) // 3] ^= 1
     path.write_bytes(content)

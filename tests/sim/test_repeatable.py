@@ -120,6 +120,7 @@ def hash_of(world: World, ranges: np.ndarray, mail: dict[str, bytes]) -> str:
 
 
 def _nudge(array: np.ndarray) -> None:
+    """Change the first value of an array."""
     flat = array.reshape(-1)
     if array.dtype == bool:
         flat[0] = ~flat[0]

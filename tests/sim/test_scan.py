@@ -133,6 +133,7 @@ def test_a_scan_that_was_kept_does_not_change():
 
 
 def noisy(seed: int = 1, noise: float = 0.02, tick: int = 0):
+    """Return the scans of two workers, with noise."""
     workers = ("worker", Pose(0, 0, 0)), ("worker", Pose(0, 1.5, 0))
     world = world_of(
         *workers, walls=[(8.0, 0, 1.0, 90.0)], seed=seed, laser=LaserSettings(noise=noise)

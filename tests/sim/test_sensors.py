@@ -259,6 +259,7 @@ def test_a_robot_learns_by_which_share_its_odometry_is_wrong():
 
 
 def finishes(scenario: Scenario) -> None:
+    """Harvest to the end without a collision."""
     local = Local(scenario)
     while not local.engine.over and local.engine.tick < 6_000 * scenario.rows:
         local.tick()

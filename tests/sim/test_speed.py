@@ -34,6 +34,7 @@ TRIES = 3
 
 
 def seconds(work: Callable[[], object], repeats: int) -> float:
+    """Return the least processor time of some repeats, s."""
     work()
     times = []
     for _ in range(repeats):
@@ -44,6 +45,7 @@ def seconds(work: Callable[[], object], repeats: int) -> float:
 
 
 def robot_step(robots: int) -> float:
+    """Return the processor time of a step of one robot, s."""
     world = world_of(growing(robots))
     scanner = Scanner(world)
     steps = 6000 // robots
@@ -51,6 +53,7 @@ def robot_step(robots: int) -> float:
 
 
 def plain_ranges(world: World, i: int) -> np.ndarray:
+    """Return the ranges of a laser, by plain numpy."""
     laser = KINDS[world.layout.starts[i].kind].laser
     x, y, yaw = world.pose[i].tolist()
     x, y = x + laser.ahead * np.cos(yaw), y + laser.ahead * np.sin(yaw)

@@ -200,6 +200,7 @@ def test_a_stop_reset_before_the_next_step_changes_nothing():
 
 
 def ask(someone: Client, stop: bool, *names: str, **changes) -> Any:
+    """Ask physics to stop robots, or to reset them. Return its answer."""
     (reply,) = someone.ask(
         "orchard/stop",
         msgpack.packb({"run": someone.run, "stop": stop, "names": list(names)} | changes),
@@ -275,6 +276,7 @@ NONE = [word for name in agent_names(SMALL) for word in ("--absent", name)]
 
 
 def kept_in(folder: Path) -> list[str]:
+    """Return options by which a run keeps snapshots in a folder."""
     return [
         "--speed",
         "10",

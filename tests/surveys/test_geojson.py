@@ -55,6 +55,7 @@ def lines_of(drawn: list[Row] | tuple[Row, ...]) -> dict[str, list[complex]]:
 
 
 def error_of(file: Path, crs: str | None = None) -> str:
+    """Return the error of an import."""
     with pytest.raises(ScenarioError) as raised:
         import_rows(file, crs)
     return str(raised.value)
@@ -281,6 +282,7 @@ def test_all_faults_are_told_at_once(file: Path):
 
 
 def line(coordinates: str) -> str:
+    """Return a GeoJSON text with a line."""
     return (
         '{"features": [7, {"geometry": {"type": "LineString", "coordinates":'
         f" {coordinates}}}}}]}}"

@@ -41,6 +41,7 @@ def imported(path, text: str, **options):
 
 
 def error_of(path, text: str) -> str:
+    """Return the error of an import."""
     with pytest.raises(ScenarioError) as raised:
         imported(path, text)
     return str(raised.value)

@@ -19,6 +19,7 @@ shapely = pytest.importorskip("shapely")
 
 
 def write(path, features: list[dict], crs: str | None = CIRCUIT, **options) -> None:
+    """Write features as a GeoPackage or a Shapefile."""
     shapes = [shapely.from_geojson(json.dumps(row["geometry"])) for row in features]
     names = np.array([row["properties"].get("row", "") for row in features], dtype=object)
     pyogrio.raw.write(

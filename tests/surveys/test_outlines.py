@@ -16,6 +16,7 @@ BEARING = 72.811
 
 
 def box(west: float, south: float, east: float, north: float) -> list[list[list[float]]]:
+    """Return the coordinates of a rectangle."""
     corners = [
         complex(west, south),
         complex(east, south),
@@ -51,6 +52,7 @@ def test_long_polygons_are_rows_by_their_centre_lines(tmp_path):
 
 @pytest.fixture
 def outline(tmp_path):
+    """Return a file with the outline of a block."""
     block = feature("Polygon", box(0.0, -50.0, 120.0, 0.0), name="Top")
     return write_features(tmp_path / "a.geojson", [block])
 

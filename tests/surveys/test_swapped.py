@@ -13,6 +13,7 @@ pyproj = pytest.importorskip(
 
 
 def swapped(features: list[dict]) -> list[dict]:
+    """Swap the coordinates of features."""
     for row in features:
         geometry = row["geometry"]
         geometry["coordinates"] = [[y, x] for x, y in geometry["coordinates"]]

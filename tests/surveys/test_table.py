@@ -28,6 +28,7 @@ def imported(path, text: str | bytes, **options):
 
 
 def error_of(path, text: str | bytes, **options) -> str:
+    """Return the error of an import."""
     with pytest.raises(ScenarioError) as raised:
         imported(path, text, **options)
     return str(raised.value)

@@ -16,6 +16,7 @@ LAYOUT = lay_out(Scenario(rows=3))
 
 
 def course(ticks: range) -> list[Frame]:
+    """Return the frames of some ticks."""
     return [frame for frame in frames(LAYOUT, (ticks.stop - 1) / 10) if frame.tick in ticks]
 
 

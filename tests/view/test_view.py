@@ -235,6 +235,7 @@ def test_full_bins_wait_for_the_truck(tmp_path: Path) -> None:
 
 @pytest.fixture
 def surveyed(tmp_path: Path) -> tuple[Layout, Path]:
+    """Return a layout of surveyed rows, and a recording of its start."""
     layout = lay_out(orchard_of(UNEQUAL))
     picked = np.outer([29.0, 10.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])
     return layout, recording_of(

@@ -41,6 +41,7 @@ def stand_in(tmp_path, monkeypatch) -> Path:
 
 
 def arguments_of(stand_in: Path) -> list[str]:
+    """Return the arguments with which the stand-in was started."""
     return json.loads(stand_in.with_name("words.json").read_text())
 
 

@@ -241,6 +241,7 @@ def test_the_logger_refuses_them_and_writes_nothing(other, logger):
 
 
 def bundled(picture: dict) -> Sample:
+    """Return a bundle with one picture."""
     return Sample(
         KEYS.of("bundle"),
         msgpack.packb(

@@ -67,6 +67,7 @@ class Row(NamedTuple):
 
 
 def rows() -> Iterator[Row]:
+    """Yield the rows of the table of keyspace.md."""
     for line in keyspace().splitlines():
         if line.startswith("| `{prefix}"):
             yield Row(*(part.strip(" `") for part in line.strip("|").split("|")))

@@ -34,6 +34,7 @@ ranges = st.one_of(st.floats(0, 10, width=32), st.just(math.inf))
 
 
 def scans(beams):
+    """Draw scans of some beams."""
     return st.lists(ranges, min_size=beams, max_size=beams).map(
         lambda values: np.array(values, dtype=np.float32)
     )
@@ -139,6 +140,7 @@ def assert_same(arrived, sent):
 
 
 def seen_message():
+    """Return a message to picker_01 of what it sees at tick 7."""
     observation = Observation(
         "picker_01", 7, 1.0, 2.0, (0.0, 1.0), Twist(), np.zeros(180, dtype=np.float32)
     )

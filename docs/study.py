@@ -344,6 +344,21 @@ between them. Prices and deadlines are asked of each block.
 - A truck for 12 bins every 40 minutes: `load_out: {{truck: {{every: 2400, bins: 12}},
   empty_bins: 24}}`, and `--vary load_out.empty_bins=12,24`.
 - How sure is the answer: the `±` of each figure. What it hangs on: `--sensitivity`.
+- One more picker from noon, or one ill for a day: [`picker_absences`](#who-comes-late-or-is-ill),
+  `--horizon harvest`. What that costs: the same with a `shift`, `prices` and
+  `--goal cost_per_bin`.
+- Done in two days of 9 h with two breaks: a `shift`, and
+  `--vary pickers --vary carriers --finish-by 2d`.
+- A piece rate or wages: both lines of
+  `--vary 'prices={{"picker_per_hour": 30}},{{"picker_per_bin": 20}}'` show what a bin costs.
+- Rows 4.5 m apart that are drawn as GeoJSON: `orchard layout import rows.geojson --out mine.yaml`
+  ([how](how-to.md#harvest-the-rows-of-a-real-orchard)), then `orchard study mine.yaml`.
+- A haul of 600 m with one trailer or two: `load_out: {{metres: 600, speed: 4, trailers: {{count: 1,
+  bins: 6}}}}`, and `--vary load_out.trailers.count=1,2`.
+- Apples by hand, and a tractor: `crop`, `picking_rate: 0.56`, and the shipped `forklift` as an
+  example.
+- Bins that are 20 % heavier: `--vary crop.kilograms_per_bin=350,420`, and `picking_speed` in place
+  of `picking_rate`: a rate counts bins, so with heavier ones people would pick more fruit.
 
 ## Many machines
 

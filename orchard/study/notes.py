@@ -142,6 +142,17 @@ class StudyNotes:
         layout = lay_out(scenario)
         return [*notes_on_truck(layout), *notes_on_absences(layout)]
 
+    def heavier_bins(self, scenario: Scenario) -> list[str]:
+        """Return that people pick more fruit where bins are heavier, if their rate counts bins."""
+        key = "crop.kilograms_per_bin"
+        is_of_bins = scenario.picking_rate is not None and "picking_rate" not in self.varied
+        if key not in self.varied or not is_of_bins:
+            return []
+        return [
+            f"picking_rate counts bins, so people pick more fruit an hour where {key} is more;"
+            f" `picking_speed: {scenario.mean_picking_speed:.4g}` in its place keeps their fruit"
+        ]
+
     def _words(self, i: int) -> str:
         return self.runs.settings[i].words or "the scenario"
 

@@ -454,6 +454,7 @@ class _Study:
         if not self.circumstances:
             sentences += notes.part_full(scenario)
             sentences += notes.rare_truck(scenario)
+        sentences += notes.heavier_bins(self.scenario)
         return sentences + self.notes_of_checks + notes.damaged()
 
     def _row(self, i: int, comparisons: Sequence[Comparison]) -> Row:

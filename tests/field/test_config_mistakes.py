@@ -124,9 +124,9 @@ def test_an_unknown_key_tells_the_known_ones() -> None:
     assert refusal("xyzzy: 1").endswith(
         "unknown key; known here: rows, pickers, row_length, metres_per_bin, bins_per_row, crop,"
         " row_width, carriers, queue_room, picking_speed, picking_rate, picking, picker_rates,"
-        " carrying, handling, load_out, chargers, seed, people, animals, weeds, tractor, laser,"
-        " sensors, agents, agents_without_body, dispatch, dispatch_errors, rows_to_pickers,"
-        " order_in_row, route, bay, bays, shift, prices, survey"
+        " picker_absences, carrying, handling, load_out, chargers, seed, people, animals, weeds,"
+        " tractor, laser, sensors, agents, agents_without_body, dispatch, dispatch_errors,"
+        " rows_to_pickers, order_in_row, route, bay, bays, shift, prices, survey"
     )
 
 

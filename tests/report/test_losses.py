@@ -7,8 +7,9 @@ from quiet import NOBODY
 
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import Layout, lay_out
-from orchard.field.scenario import Scenario
+from orchard.field.scenario import Scenario, with_changes
 from orchard.report.bounds import schedule_seconds
+from orchard.report.late_absences import notes_on_absences
 from orchard.report.losses import lost_seconds
 from orchard.report.rare_truck import notes_on_truck
 
@@ -84,3 +85,13 @@ def test_a_truck_that_comes_too_rarely_is_told(
         assert word in notes[0]
     if empty_bins >= layout.bins:
         assert DiscreteHarvest(layout).run().seconds < 3600.0
+
+
+def test_an_absence_after_the_harvest_is_told() -> None:
+    layout = small({})
+    scenario = with_changes(
+        layout.scenario, picker_absences={"picker_01": [[0.01, 1.0], [3.0, 4.0]]}
+    )
+    (note,) = notes_on_absences(lay_out(scenario))
+    assert "picker_absences.picker_01: it leaves after 3 h of work" in note
+    assert notes_on_absences(layout) == ()

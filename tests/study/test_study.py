@@ -856,3 +856,28 @@ def test_settings_without_a_run_are_named():
     (note,) = notes.missing(range(1, 7), was_stopped=False)
     assert note.startswith("there was no time for a run of 6 settings, carriers=2; carriers=3;")
     assert note.endswith("; carriers=6 and others: not in the table")
+
+
+def test_heavier_bins_at_the_same_rate_are_told():
+    scenario = Scenario(
+        crop={"tonnes_per_hectare": 40.0, "kilograms_per_bin": 400.0}, picking_rate=1.0
+    )
+    heavier = {"crop.kilograms_per_bin": [400.0, 480.0]}
+    runs = SimpleNamespace(settings=[])
+    (note,) = StudyNotes(runs, "fast", StudyOptions(), heavier).heavier_bins(scenario)
+    speed = float(re.search(r"picking_speed: ([\d.]+)`", note)[1])
+    assert speed == pytest.approx(scenario.mean_picking_speed, rel=1e-3)
+    with_rates = heavier | {"picking_rate": [1.0, 0.83]}
+    for varied, asked in (
+        (with_rates, scenario),
+        ({"carriers": [1, 2]}, scenario),
+        (heavier, with_changes(scenario, picking_rate=None, picking_speed=0.005)),
+    ):
+        assert StudyNotes(runs, "fast", StudyOptions(), varied).heavier_bins(asked) == []
+
+
+def test_a_long_run_of_who_is_away_is_refused():
+    away = Scenario(picker_absences={"picker_01": [[0.0, 1.0]]})
+    (problem,) = checked_settings(away, {}, StudyOptions())[1]
+    assert "choose --horizon harvest" in problem.text
+    assert checked_settings(away, {}, StudyOptions(horizon="harvest"))[1] == []

@@ -290,7 +290,9 @@ picker_absences: {{picker_08: [[0, 4.5]], picker_02: [[17, 25.5]]}}
 rows_to_pickers: balanced-times
 ```
 
-Who is away stands in its row, in the state `failed`, and its rows wait for it. With
+Who is away stands in its row, in the state `failed`, and its rows wait for it. It leaves where it
+bars no road, and fills its bin first if that is full within ten minutes, so that no carrier waits
+for it. With
 `rows_to_pickers: balanced-times` rows are given to pickers so that the last one is done as early as
 can be. That knows the lengths of rows, `picker_rates` and `picker_absences`, as a manager does who
 knows them on the first day. It knows nothing of what the seed draws. What an illness costs is the

@@ -134,8 +134,8 @@ def _absences(layout: Layout, names: Sequence[str]) -> Any:
     of_robots = [absences_of(layout.scenario, name) for name in names]
     most = max(map(len, of_robots))
     absences = np.zeros((len(names), most), columns.ABSENCE).view(np.recarray)
-    for robot, given in enumerate(of_robots):
-        for number, (begin, end) in enumerate(given):
+    for robot, intervals in enumerate(of_robots):
+        for number, (begin, end) in enumerate(intervals):
             absences[robot, number] = (begin, end)
     return absences
 

@@ -101,16 +101,16 @@ def _shortest_cut(lengths: tuple[float, ...], crew: tuple[_Member, ...]) -> list
     # of all squares, and the cut.
     best: dict[int, tuple[float, float, list[int]]] = {0: (0.0, 0.0, [0])}
     for number, member in enumerate(crew, start=1):
-        given: dict[int, tuple[float, float, list[int]]] = {}
+        cuts: dict[int, tuple[float, float, list[int]]] = {}
         for last in range(number, rows - len(crew) + number + 1):
             for first, (latest, squares, cut) in best.items():
                 if first >= last:
                     continue
                 done = member.done(before[last] - before[first])
                 total = (max(latest, done), squares + done * done, [*cut, last])
-                if last not in given or total < given[last]:
-                    given[last] = total
-        best = given
+                if last not in cuts or total < cuts[last]:
+                    cuts[last] = total
+        best = cuts
     return best[rows][2]
 
 

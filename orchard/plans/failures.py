@@ -11,6 +11,9 @@ from math import inf
 CLEAR_OF_TURNS = 3.0
 # m past such a gate at which a robot has given its places back, so that it may leave.
 OFF_THE_ROAD = CLEAR_OF_TURNS + 0.1
+# s before its bin is full from which on a picker fills it before it leaves: a carrier may be on its
+# way, and would wait there. Of a shorter drive it is the second half.
+FILLED_FIRST = 600.0
 # s in one step of a repair. A run is jammed after 600 s without progress.
 LONGEST_WAIT = 300.0
 # s. A robot that comes back stands up to the tick, so of an absence less than this may remain.
@@ -23,6 +26,11 @@ def work_left(until: float, worked: float) -> float:
     `until`: from the last repair to the failure; `worked`: since that repair.
     """
     return max(0.0, until - worked)
+
+
+def last_leave(needed: float) -> float:
+    """Return until when a picker leaves on a drive, s of work. `needed`: for the drive, s."""
+    return max(needed - FILLED_FIRST, needed / 2.0)
 
 
 def work_until_away(begin: float, end: float, now: float, first: float, last: float) -> float:

@@ -229,7 +229,9 @@ class MayFail(Step, frozen=True):
         seconds = needed / distance
         off = failures.OFF_THE_ROAD / abs(distance) * needed
         first = max([0.0, *((gate.at - here) * seconds + off for gate in drive.frees)])
-        last = min([needed, *((gate.at - here) * seconds for gate in drive.needs)])
+        last = min(
+            [failures.last_leave(needed), *((gate.at - here) * seconds for gate in drive.needs)]
+        )
         now = robot.seen.tick * TIME_STEP
         for begin, end in self.absences:
             work = failures.work_until_away(begin, end, now, first, last)

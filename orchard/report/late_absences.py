@@ -15,8 +15,8 @@ def notes_on_absences(layout: Layout) -> tuple[str, ...]:
         return ()
     seconds = seconds_without_waits(layout)
     notes = []
-    for name, given in absences.items():
-        late = [begin for begin, _ in given if 3600.0 * begin >= seconds]
+    for name, intervals in absences.items():
+        late = [begin for begin, _ in intervals if 3600.0 * begin >= seconds]
         if late:
             notes.append(
                 f"picker_absences.{name}: it leaves after {late[0]:g} h of work, and without waits"

@@ -156,14 +156,12 @@ class _Roads:
         self.names: dict[tuple[float, float], str] = {}
         # x of a carrier at each place of the bay, the first one first.
         self._bay_stops: list[float] = []
-        of_bay: list[str] = []
-        for number in range(layout.scenario.bays):
+        of_bay = [BAY]
+        for number in range(1, layout.scenario.bays):
+            of_bay.append(f"{BAY}/{number + 1}")
+        for number, name in enumerate(of_bay):
             place = self._bay._replace(x=self._bay.x - CLOSED_UP * number)
             self._bay_stops.append(place.x)
-            name = BAY
-            if number:
-                name = f"{BAY}/{number + 1}"
-            of_bay.append(name)
             self.names[_point(place)] = name
         self.stations: dict[str, tuple[str, ...]] = {BAY: tuple(of_bay)}
 
@@ -218,7 +216,8 @@ class _Roads:
         """Yield steps with the drive to a bay of several places cut at each place."""
         for step in steps:
             if isinstance(step, DriveToBay):
-                yield from (DriveTo(x=x) for x in reversed(self._bay_stops))
+                for x in reversed(self._bay_stops):
+                    yield DriveTo(x=x)
             else:
                 yield step
 

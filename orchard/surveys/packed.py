@@ -36,36 +36,35 @@ def _unpack(archive: ZipFile, source: Source, folder: Path) -> Path:
     """Write the file of rows, and those that belong to it, into a folder. Return where it is."""
     member = _of_rows(archive, source)
     stem = PurePosixPath(member.filename).with_suffix("")
-    belonging = [
-        one
-        for one in archive.infolist()
-        if not one.is_dir() and PurePosixPath(one.filename).with_suffix("") == stem
-    ]
-    if sum(one.file_size for one in belonging) > MOST_UNPACKED:
-        raise _fault(source, f"is too large unpacked; at most {MOST_UNPACKED:,} bytes")
-    for one in belonging:
+    size = 0
+    for part in archive.infolist():
+        path = PurePosixPath(part.filename)
+        if part.is_dir() or path.with_suffix("") != stem:
+            continue
+        size += part.file_size
+        if size > MOST_UNPACKED:
+            raise _fault(source, f"is too large unpacked; at most {MOST_UNPACKED:,} bytes")
         # The names are ours, so none leads out of the folder.
-        suffix = PurePosixPath(one.filename).suffix.lower()
-        (folder / f"rows{suffix}").write_bytes(archive.read(one))
+        (folder / f"rows{path.suffix.lower()}").write_bytes(archive.read(part))
     return folder / f"rows{PurePosixPath(member.filename).suffix.lower()}"
 
 
 def _of_rows(archive: ZipFile, source: Source) -> ZipInfo:
     """Return the one file of rows that an archive holds. Raises ScenarioError."""
-    found = []
-    for one in archive.infolist():
-        path = PurePosixPath(one.filename)
+    members = []
+    for part in archive.infolist():
+        path = PurePosixPath(part.filename)
         # Some systems pack a hidden twin of each file.
         is_hidden = path.name.startswith(".") or "__MACOSX" in path.parts
-        if path.suffix.lower() in OF_ROWS and not one.is_dir() and not is_hidden:
-            found.append(one)
-    if not found:
+        if path.suffix.lower() in OF_ROWS and not part.is_dir() and not is_hidden:
+            members.append(part)
+    if not members:
         wanted = ", ".join(OF_ROWS)
         raise _fault(source, f"is a zip archive without a file of rows; expected one of {wanted}")
-    if len(found) > 1:
-        names = listed([printable(one.filename) for one in found])
+    if len(members) > 1:
+        names = listed([printable(part.filename) for part in members])
         raise _fault(source, f"is a zip archive with {names}; unpack it, and give one of them")
-    return found[0]
+    return members[0]
 
 
 def _fault(source: Source, text: str) -> ScenarioError:

@@ -14,6 +14,7 @@ from orchard.field.ticks import TIME_STEP
 from orchard.plans import failures
 from orchard.plans.failures import OFF_THE_ROAD
 
+last_leave = inner(failures.last_leave)
 first_part = inner(failures.first_part)
 stop_of = inner(failures.stop_of)
 work_left = inner(failures.work_left)
@@ -63,7 +64,7 @@ def until_away(m, robot, speed):
     first = 0.0
     for number in range(op.first_free, op.last_free):
         first = max(first, (m.frees[number].at - me.here + OFF_THE_ROAD) / speed)
-    last = needed
+    last = last_leave(needed)
     for number in range(op.first_need, op.last_need):
         last = min(last, (m.needs[number].at - me.here) / speed)
     now = tick_of(m) * TIME_STEP

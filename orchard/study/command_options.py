@@ -258,6 +258,7 @@ Policy = Annotated[
 
 SPLIT = "Only the orchards for learning, or those for the test. Default: both."
 SECRET = "Draw a hidden split by the secret in this file, and use that."
+BESIDE = "Show the policy of this submission beside the others, with paired differences."
 VERIFY = "Replay the decisions of a submission, in place of a benchmark."
 
 
@@ -285,6 +286,7 @@ class BenchmarkOptions:
     split: str | None = option(QUESTION, SPLIT, "train|test", parser=_split)
     secret: Path | None = option(QUESTION, SECRET, "FILE")
     verify: Path | None = option(QUESTION, VERIFY, "FILE.json")
+    beside: Path | None = option(QUESTION, BESIDE, "FILE.json")
     summary: Path | None = option(FILES, "Write all figures to this file.", "FILE.json")
     submission: Path | None = option(
         FILES, "Write the scores with all decisions to this file.", "FILE.json"

@@ -81,6 +81,12 @@ def run_benchmark(chosen: BenchmarkOptions) -> int:
             known = _known(chosen, workers)
             if chosen.verify is not None:
                 return _verify(chosen.verify, known)
+            other = None
+            if chosen.beside is not None:
+                # A policy of one's own is asked for minutes: what is wrong is told before.
+                other = _beside(chosen.beside, chosen.policy, known)
+                if other is None:
+                    return FAILED
             done = _done(chosen, known, store_file, workers)
         if done is None and chosen.policy in POLICIES:
             print_error(STOPPED)
@@ -89,6 +95,8 @@ def run_benchmark(chosen: BenchmarkOptions) -> int:
             print_error(OWN_STOPPED)
             return FAILED
         result, submission = done
+        if other is not None:
+            result = result.with_submission(other)
         _print(result)
     troubles = [*result.notes, *filter(None, [write_if_wanted(chosen.summary, asdict(result))])]
     if submission is not None:
@@ -138,6 +146,7 @@ def _check_alone(chosen: BenchmarkOptions) -> None:
         "--check": chosen.check,
         "--summary": chosen.summary is not None,
         "--submission": chosen.submission is not None,
+        "--beside": chosen.beside is not None,
     }
     for name, is_given in in_vain.items():
         if is_given:
@@ -183,8 +192,11 @@ def _wanted_names(chosen: BenchmarkOptions, known: Iterable[str]) -> list[str]:
     return names
 
 
-def _verify(path: Path, known: dict[str, Instance]) -> int:
-    """Replay a submission, and tell what is wrong with it. Return the exit code."""
+def _replayed(path: Path, known: dict[str, Instance]) -> Submission | None:
+    """Replay a submission. Return it; None if something is wrong with it, which is told.
+
+    Raises SubmissionError for a file that is none.
+    """
     try:
         submission = read_submission(path)
     except ValueError as error:
@@ -195,6 +207,26 @@ def _verify(path: Path, known: dict[str, Instance]) -> int:
     if len(problems) > MOST_PROBLEMS:
         print_error(f"{path}: and {len(problems) - MOST_PROBLEMS} more")
     if problems:
+        return None
+    return submission
+
+
+def _beside(path: Path, policy: str, known: dict[str, Instance]) -> Submission | None:
+    """Replay a submission whose policy is shown beside others. Return None if something is wrong.
+
+    Raises SubmissionError.
+    """
+    submission = _replayed(path, known)
+    if submission is not None and submission.policy in (policy, *POLICIES):
+        name = printable(submission.policy)
+        raise SubmissionError(f"{path}: its policy {name} is in the table already")
+    return submission
+
+
+def _verify(path: Path, known: dict[str, Instance]) -> int:
+    """Replay a submission, and tell what is wrong with it. Return the exit code."""
+    submission = _replayed(path, known)
+    if submission is None:
         return FAILED
     print_line(
         f"{path}: {printable(submission.policy)} has {_percent(submission.score)} % in"
@@ -263,7 +295,7 @@ def _print(result: BenchmarkResult) -> None:
     best = next(iter(result.scores))
     others = "the best of all here"
     if best != result.policy:
-        others = f"the best is {best} with {_percent(result.scores[best])} %"
+        others = f"the best is {printable(best)} with {_percent(result.scores[best])} %"
     print_line(f"{result.policy} has {score} % of what is proven possible; {others}.")
     console.print(_scores(result))
     if result.policy not in POLICIES and result.splits != HIDDEN:
@@ -291,7 +323,7 @@ def _scores(result: BenchmarkResult) -> Table:
     differences = []
     errors = []
     for policy, score in result.scores.items():
-        names.append(policy.rpartition(".")[2].replace("-", "\n"))
+        names.append(printable(policy.rpartition(".")[2]).replace("-", "\n"))
         differences.append(f"{100.0 * (score - asked):+.1f}")
         errors.append(f"{100.0 * result.standard_error(policy):.2f}")
     shown = table(MEANING.format(policy=result.policy), "orchard", "proven,\ns", *names)

@@ -10,8 +10,9 @@ A policy of the user's own is asked in a process of its own, which gets only wha
 built-in ones run as in a study: they know no more.
 """
 
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf, sqrt
 from statistics import fmean, variance
 
@@ -110,6 +111,29 @@ class BenchmarkResult:
     def of(self, policy: str) -> list[Harvests]:
         """Return the harvests with a policy, by orchard."""
         return [harvests for harvests in self.harvests if harvests.policy == policy]
+
+    def with_submission(self, submission: Submission) -> "BenchmarkResult":
+        """Return this result with the policy of a submission beside the others.
+
+        The submission was replayed, has all harvests of these orchards, and its policy is not here.
+        """
+        by_orchard = defaultdict(list)
+        for harvest in sorted(submission.harvests, key=lambda harvest: harvest.seed):
+            by_orchard[harvest.instance].append(harvest.seconds)
+        added = []
+        for asked in self.of(self.policy):
+            added.append(
+                Harvests(
+                    orchard=asked.orchard,
+                    policy=submission.policy,
+                    proven=asked.proven,
+                    seconds=by_orchard[asked.orchard],
+                    checked=[],
+                )
+            )
+        scores = self.scores | {submission.policy: submission.score}
+        best_first = sorted(scores.items(), key=lambda item: -item[1])
+        return replace(self, scores=dict(best_first), harvests=self.harvests + added)
 
     def standard_error(self, policy: str) -> float:
         """Return the standard error of the difference between the scores of a policy and of the one

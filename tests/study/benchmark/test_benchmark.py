@@ -143,7 +143,7 @@ def test_what_a_user_gets_wrong_is_said_in_words(store, words, code, said):
     assert "Traceback" not in done.stderr
 
 
-NO_FILES = dict.fromkeys(("summary", "submission", "verify", "secret", "split"))
+NO_FILES = dict.fromkeys(("summary", "submission", "verify", "secret", "split", "beside"))
 RESULT = BenchmarkResult(
     policy="nearest",
     scores={"nearest": 0.9},
@@ -265,6 +265,25 @@ def test_a_submission_is_verified_without_its_policy(store, tmp_path):
     assert re.search(r"tiny-train, seed \d+: this harvest is missing", missing.stderr)
 
 
+def test_two_policies_of_ones_own_are_compared_by_seeds(store, tmp_path):
+    """One is asked, the other one comes from its submission: the differences are paired."""
+    first = tmp_path / "first.json"
+    found = tmp_path / "found.json"
+    rest = ("--orchard", "small-failures-test", "--workers", "2", "--out", store)
+    orchard("benchmark", "own_policies.AtOnce", *rest, "--submission", first)
+    done = orchard("benchmark", POLICY, *rest, "--beside", first, "--summary", found)
+    scores = json.loads(found.read_text())["scores"]
+    assert scores["own_policies.AtOnce"] == json.loads(first.read_text())["score"]
+    assert [*scores.values()] == sorted(scores.values(), reverse=True)
+    assert "AtOnce" in done.stdout
+
+    same = orchard("benchmark", "own_policies.AtOnce", *rest, "--beside", first, code=2)
+    assert "its policy own_policies.AtOnce is in the table already" in same.stderr
+    first.write_text(first.read_text().replace('"own_policies.AtOnce"', '"mine.Better"'))
+    changed = orchard("benchmark", POLICY, *rest, "--beside", first, code=1)
+    assert "its hash is not that of its content" in changed.stderr
+
+
 def test_harvests_that_a_submission_repeats_are_not_replayed(monkeypatch):
     """A file of a thousand would hold for hours who verifies it."""
     monkeypatch.setattr(submission, "replayed", None)
@@ -320,7 +339,7 @@ def test_an_orchard_that_no_secret_draws_is_refused(tmp_path, monkeypatch):
 
 def test_the_documented_options_are_those_of_the_command():
     known = orchard("benchmark", "--help").stdout
-    for name in ("benchmark secret", "benchmark submission"):
+    for name in ("benchmark secret", "benchmark submission", "benchmark beside"):
         options = re.findall(r" (--\w+)", block("docs/benchmark.md", name))
         assert options
         assert [option for option in options if option not in known] == []

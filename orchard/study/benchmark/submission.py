@@ -153,13 +153,13 @@ def _wrong_harvests(submission: Submission, known: Mapping[str, Instance]) -> li
         wanted |= {(name, draw.seed) for draw in instance.draws}
     counts = Counter((harvest.instance, harvest.seed) for harvest in submission.harvests)
     problems = []
-    for instance, seed in sorted(wanted - counts.keys()):
-        problems.append(f"{instance}, seed {seed}: this harvest is missing")
-    for (instance, seed), count in sorted(counts.items()):
-        if (instance, seed) not in wanted:
-            problems.append(f"{instance}, seed {seed}: no such instance and seed in this split")
+    for name, seed in sorted(wanted - counts.keys()):
+        problems.append(f"{name}, seed {seed}: this harvest is missing")
+    for (name, seed), count in sorted(counts.items()):
+        if (name, seed) not in wanted:
+            problems.append(f"{name}, seed {seed}: no such instance and seed in this split")
         elif count > 1:
-            problems.append(f"{instance}, seed {seed}: it is there {count} times")
+            problems.append(f"{name}, seed {seed}: it is there {count} times")
     return problems
 
 

@@ -15,6 +15,9 @@ from pathlib import Path
 
 from orchard import Assignment
 
+# What a policy may compare to find out which public orchard it harvests.
+SIZES = ("rows", "pickers", "carriers", "picking_speed", "row_length", "rows_to_pickers")
+
 
 class Found(Exception):
     """Raised by a cheat with what it has found."""
@@ -96,6 +99,28 @@ class ModuleReader(Honest):
         from orchard.study.benchmark.instances import instances
 
         raise Found([name for name in instances() if name == "tiny-train"])
+
+
+class Librarian(Honest):
+    """Looks the orchard up among the public ones, and gives the orders of its best schedule."""
+
+    def __init__(self, layout):
+        super().__init__(layout)
+        from orchard.study.benchmark.instances import instances
+
+        seen = layout.scenario
+        self.orders = {}
+        for instance in instances().values():
+            sizes = [(instance.scenario[key], getattr(seen, key)) for key in SIZES]
+            if all(known == here for known, here in sizes):
+                for order in instance.draws[0].best.orders:
+                    assignment = Assignment(order.bin, order.carrier)
+                    self.orders.setdefault(order.tick, []).append(assignment)
+                return
+        raise Found("no such orchard")
+
+    def assign(self, now, bins, carriers, memory):
+        return self.orders.get(now, [])
 
 
 class MemoryReader(Honest):

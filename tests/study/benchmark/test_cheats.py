@@ -124,6 +124,15 @@ def test_a_policy_opens_neither_memory_nor_environment_above():
     assert benchmark not in found
 
 
+def test_a_table_of_answers_knows_public_orchards_only():
+    """That cannot be prevented: so the command says which orchards are public."""
+    public = instances()["load-out-test"]
+    seconds = played("Librarian", public.whole_scenario).seconds
+    assert seconds == pytest.approx(public.draws[0].best.seconds)
+    with pytest.raises(PolicyRefused, match="Found: no such orchard"):
+        played("Librarian", DRAWN)
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such rights")
 def test_a_program_that_a_policy_starts_has_no_rights():
     """Root's programs begin with all rights, those to look into others too, unless they are given

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from orchard.field.scenario.sections import Bought
+from orchard.field.scenario.prices import Bought
 from orchard.report.costs import OF_ROBOTS
 from orchard.study.comparing import interval
 from orchard.study.result import BreakEven, Interval

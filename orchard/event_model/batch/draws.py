@@ -257,19 +257,20 @@ def mix(words, turn):
     for column in range(4):
         x = words[MIXED + order[2 * column]]
         y = words[MIXED + order[2 * column + 1]]
-        mix_four(words, column, 4 + column, 8 + column, 12 + column, x, y)
+        mix_four(words, (column, 4 + column, 8 + column, 12 + column), x, y)
     for column in range(4):
         x = words[MIXED + order[8 + 2 * column]]
         y = words[MIXED + order[8 + 2 * column + 1]]
         second = 4 + (column + 1) % 4
         third = 8 + (column + 2) % 4
         fourth = 12 + (column + 3) % 4
-        mix_four(words, column, second, third, fourth, x, y)
+        mix_four(words, (column, second, third, fourth), x, y)
 
 
 @inner
-def mix_four(words, first, second, third, fourth, x, y):
-    """Mix four words with two of the text."""
+def mix_four(words, four, x, y):
+    """Mix four words with two of the text. `four`: the indices of the words."""
+    first, second, third, fourth = four
     words[first] += words[second] + x
     words[fourth] = turned(words[fourth] ^ words[first], TO_THE_RIGHT[0])
     words[third] += words[fourth]

@@ -74,6 +74,11 @@ def can_hide() -> bool:
     return _landlock_version() > 0
 
 
+def can_keep_signals_in() -> bool:
+    """Whether the system can keep a process from signals to others: Linux 6.12 or newer."""
+    return _landlock_version() >= _KNOWS_SIGNALS
+
+
 def confine(hidden: Collection[Path]) -> None:
     """Hide files from this process for ever, and all processes that were there before.
 

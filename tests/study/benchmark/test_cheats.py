@@ -22,7 +22,7 @@ from orchard.study.benchmark.asked import (
     PolicyRefused,
     TooSlow,
 )
-from orchard.study.benchmark.confined import can_hide
+from orchard.study.benchmark.confined import can_hide, can_keep_signals_in
 from orchard.study.benchmark.instances import instances
 from orchard.study.benchmark.play import Played, play
 from orchard.study.benchmark.scores import Harvests, ShorterThanProven
@@ -154,7 +154,7 @@ def test_a_policy_cannot_read_the_secret(tmp_path, monkeypatch):
         played("SecretReader", limits=limits)
 
 
-@pytest.mark.skipif(not can_hide(), reason="this system cannot keep signals in")
+@pytest.mark.skipif(not can_keep_signals_in(), reason="this system cannot keep signals in")
 def test_a_policy_cannot_stop_the_benchmark():
     """It would think for longer, while the clock of the decision is not looked at."""
     wanted = r"Stopper, tick \d+: PermissionError: .*Operation not permitted"

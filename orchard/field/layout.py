@@ -271,7 +271,8 @@ class Layout:
 
     def names_at(self, bodies: Iterable[int]) -> list[str]:
         """Return the names of bodies. `bodies`: their indices."""
-        return [self.names[body] for body in bodies]
+        names = self.names
+        return [names[body] for body in bodies]
 
     @cached_property
     def agents(self) -> tuple[str, ...]:

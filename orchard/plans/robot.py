@@ -602,7 +602,9 @@ class PlanExecutor:
         boxes in its way must look at every tick; so must one that turns with a bin, because a hold
         does not watch the bin's laser.
         """
-        until = min([self._until, *self._timers])
+        until = self._until
+        if self._timers:
+            until = min(until, *self._timers)
         if until <= self.seen.tick + 1 or self.action.deeds or self.seen.accuracy:
             return None
         if self._turn:

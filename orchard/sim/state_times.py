@@ -75,8 +75,9 @@ class StateTimes:
             self._count(self._body, begun)
             self._latched = latched
         for name, action in answers.items():
-            state = _NUMBER["resting"]
-            if action is not None:
+            if action is None:
+                state = _NUMBER["resting"]
+            else:
                 state = _NUMBER[state_of(action)]
             if self._now.get(name, state) != state:
                 self._count([name], begun)

@@ -14,9 +14,8 @@ from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import TICKS_PER_SECOND, Scenario
 from orchard.local import Local
 
-# Ticks by which each delivery may differ, and where carriers charge.
+# Ticks by which each delivery may differ.
 NEAR = 5
-NEAR_IF_CHARGED = 10
 # Where carriers turn at another rate, what a robot behind sees is known in steps of 2.25 degrees.
 NEAR_IF_TURNED = 8
 SPREAD = {"spread": {"distribution": "gamma", "cv": 0.3}}
@@ -92,7 +91,9 @@ CHARGING: dict[str, Any] = {
     "rows": 14,
     "pickers": 5,
     "carriers": 6,
-    "row_length": 30.0,
+    # With rows of 30 m a carrier stops for one that passes on the delivery road below. The event
+    # model does not know that, as docs/bounds.md says, and bins come up to 21 ticks apart.
+    "row_length": 34.0,
     "picking_speed": 0.5,
     "dispatch": "nearest",
     "rows_to_pickers": "balanced",
@@ -173,7 +174,7 @@ def test_each_bin_is_delivered_when_the_simulator_does(name: str) -> None:
 
 def test_carriers_that_charge_go_on_when_the_simulators_do() -> None:
     """They move up while they charge, and are off where they stand in the queue."""
-    assert_is_near(CHARGING, NEAR_IF_CHARGED)
+    assert_is_near(CHARGING)
 
 
 @pytest.mark.soak

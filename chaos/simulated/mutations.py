@@ -193,7 +193,12 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
         _with_words(host.Host, "join", "self._answer = SentAnswer()", "pass"),
     ),
     "a robot that is reset is not kept": (
-        _with_words(inbound.Queries, "_stop", "if changed else", "if request.stop else True or"),
+        _with_words(
+            inbound.Queries,
+            "_stop",
+            "run.keep_at_once()",
+            "not request.stop or run.keep_at_once()",
+        ),
     ),
     "what a full disk has not taken counts as kept": (
         _with_words(

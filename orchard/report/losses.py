@@ -1,8 +1,8 @@
 """What a whole harvest was lost to: parts that add up to its length.
 
-What batteries cost, and what waits in the bay cost, is the difference of two harvests of the event
-model: one with them, and one of the same layout without. So what the model is off by counts as
-neither.
+What batteries, waits in the bay and absences of pickers cost is the difference of two harvests of
+the event model: one with them, and one of the same layout without. So what the model is off by
+counts as none of them.
 """
 
 from dataclasses import replace
@@ -27,7 +27,8 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
     policy or a route of the user's own.
 
     `optimum`: what is proven of the shortest harvest without traffic. `dispatch`: what the policy,
-    and robots that fail, lose without traffic. `traffic`: what robots lose to each other.
+    and robots that fail, lose without traffic. `absences`: what pickers that are away cost then.
+    `traffic`: what robots lose to each other.
     `load_out`: what trailers, the truck and a lack of empty bins cost then. `charging`: what
     batteries cost then. `people_and_animals`: the rest. Without a proof `schedule` is the first
     two.
@@ -74,18 +75,28 @@ def _parts_without_traffic(layout: Layout) -> dict[str, float]:
     proven = proven_seconds(layout)
     # On free roads a carrier may stop before its picker is out of its way, and be faster than is
     # proven.
-    schedule = max(seconds_without_waits(layout), proven or 0.0)
-    if proven is None:
-        return {"schedule": schedule}
-    return {"optimum": proven, "dispatch": schedule - proven}
+    present = with_nobody_away(without_waits(layout))
+    schedule = max(seconds_on_free_roads(present), proven or 0.0)
+    parts = {"schedule": schedule}
+    if proven is not None:
+        parts = {"optimum": proven, "dispatch": schedule - proven}
+    if layout.scenario.picker_absences:
+        parts["absences"] = seconds_without_waits(layout) - schedule
+    return parts
 
 
 def seconds_without_waits(layout: Layout) -> float:
     """Return the length of a harvest on free roads, with batteries that last and a bay that takes
     each bin at once, s.
     """
-    ideal = with_nothing_to_wait_for(with_endless_batteries(ideal_of(layout)))
-    return seconds_on_free_roads(ideal)
+    return seconds_on_free_roads(without_waits(layout))
+
+
+def without_waits(layout: Layout) -> Layout:
+    """Return a layout in which nothing is random, nobody is in the way, batteries last, and the bay
+    takes each bin at once.
+    """
+    return with_nothing_to_wait_for(with_endless_batteries(ideal_of(layout)))
 
 
 def _length_alone(layout: Layout, seconds: float) -> float:
@@ -107,6 +118,12 @@ def with_endless_batteries(layout: Layout) -> Layout:
     battery = scenario.carrying.battery.model_copy(update={"hours": inf})
     carrying = scenario.carrying.model_copy(update={"battery": battery})
     return replace(layout, scenario=scenario.model_copy(update={"carrying": carrying}))
+
+
+def with_nobody_away(layout: Layout) -> Layout:
+    """Return the same layout, with the same rows for each picker, without absences of pickers."""
+    present = layout.scenario.model_copy(update={"picker_absences": {}})
+    return replace(layout, scenario=present)
 
 
 def with_nothing_to_wait_for(layout: Layout) -> Layout:

@@ -335,6 +335,7 @@ def _counted_bins(delivered: int, per_hour: float, seconds: float) -> str:
 # Parts of `lost_seconds` beside what a harvest takes at least, in words.
 LOSSES = {
     "dispatch": "the dispatch policy",
+    "absences": "pickers that are away",
     "charging": "charging",
     "load_out": "waits for trailers, the truck or empty bins",
     "traffic": "traffic",

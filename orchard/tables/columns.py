@@ -129,6 +129,7 @@ LOSSES = (
     "optimum",
     "schedule",
     "dispatch",
+    "absences",
     "traffic",
     "charging",
     "load_out",

@@ -1,4 +1,4 @@
-"""What a harvest was lost to at the bay: trailers, a truck and empty bins that were not there."""
+"""What a harvest was lost to: trailers, a truck, empty bins or pickers that were not there."""
 
 from typing import Any
 
@@ -85,6 +85,16 @@ def test_a_truck_that_comes_too_rarely_is_told(
         assert word in notes[0]
     if empty_bins >= layout.bins:
         assert DiscreteHarvest(layout).run().seconds < 3600.0
+
+
+@pytest.mark.parametrize("load_out", [{}, TRAILERS], ids=["bay", "trailers"])
+def test_an_absence_is_no_loss_to_the_policy(load_out: dict[str, Any]) -> None:
+    """The policy was told to be the cause: its part is that of a harvest with nobody away."""
+    parts = lost(small(load_out, picker_absences={"picker_01": [[0.01, 0.2]]}))
+    present = lost(small(load_out))
+    # It is away for 684 s, and the harvest takes some 430 s without that.
+    assert parts["absences"] > 300.0
+    assert parts["dispatch"] == pytest.approx(present["dispatch"], abs=0.2)
 
 
 def test_an_absence_after_the_harvest_is_told() -> None:

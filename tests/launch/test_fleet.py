@@ -155,9 +155,9 @@ def launched_by(fleet, folder):
     return LaunchedRun(
         request,
         Credentials(request.options),
-        "tcp/127.0.0.1:9",
-        fleet,
-        Progress(Console(file=io.StringIO())),
+        listen="tcp/127.0.0.1:9",
+        supervisor=fleet,
+        progress=Progress(Console(file=io.StringIO())),
     )
 
 

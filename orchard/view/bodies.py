@@ -16,7 +16,7 @@ from orchard.field.placement import Start
 from orchard.field.scenario import TIME_STEP
 from orchard.view import palette
 from orchard.view.columns import TIMELINE, Columns
-from orchard.view.scenery import ROW_Z, model
+from orchard.view.scenery import BARE, ROW_Z, model
 
 # Kinds that share a branch of world/.
 BRANCHES = dict.fromkeys(PEOPLE, "people") | dict.fromkeys(ANIMALS, "animals")
@@ -25,11 +25,12 @@ HIT_RADIUS = -1.8
 # m: well above the pergola.
 PIN_Z = 4.4
 
-# z of the fruit in an empty and in a full bin, m.
+# z up to which fruit fills an empty bin and a full one, m, without the heap on it.
 BIN_FLOOR = 0.2
 BIN_RIM = 0.94
+# Levels of fruit that are told apart between them.
 FILL_STEPS = 14
-FRUIT_BOTTOM = 0.17  # m: z of the lower side of the fruit's model
+FRUIT_BOTTOM = 0.17  # m: z of the lower side of the fruit
 # Scales of a mesh that is shown, and of one that is hidden.
 WHOLE = (1.0, 1.0, 1.0)
 UNSEEN = (0.01, 0.01, 0.01)
@@ -117,6 +118,7 @@ class BodyView:
         `fill`: (n,) metres of row, one per body.
         """
         steps_filled = FILL_STEPS * fill[self._bins] / self.layout.metres_per_bin
+        # Rounding alone fills no further step.
         levels = np.ceil(steps_filled - 1e-9).astype(int)
         for i, level in self._changed("levels", levels):
             path = self.path[self.layout.names[self._bins[i]]]
@@ -144,6 +146,7 @@ class BodyView:
             robot = self.layout.starts[self._towing[i]]
             path = f"{self.path[robot.name]}/bar"
             kind = KINDS[robot.kind]
+            # It ends 10 cm inside the robot, and 5 cm inside the bin, so no gap is seen.
             front = (-kind.length / 2 + 0.1, 0.0, 0.42)
             rear = (-kind.tows + 0.45, 0.0, 0.42)
             strips = []
@@ -222,6 +225,7 @@ class RowView:
 
     def show(self, row_ends: np.ndarray) -> None:
         """Add the rows that changed. `row_ends`: (r, 4) how far each is picked, as in `World`."""
+        # Rounding alone leaves no piece unpicked.
         pieces = (CHUNKS * np.minimum(row_ends / self._lengths, 1.0) + 1e-9).astype(int)
         has_changed = (pieces != self._pieces).any(axis=1)
         for row in np.flatnonzero(has_changed).tolist():
@@ -256,7 +260,7 @@ def _strip(lane: Lane) -> tuple[np.ndarray, np.ndarray]:
     Shapes (4 * CHUNKS, 3) float32 and (2 * CHUNKS, 3) uint32, indices of corners.
     """
     edges = np.linspace(lane.west, lane.east, CHUNKS + 1)
-    half = lane.width / 2 - 0.6
+    half = lane.width / 2 - BARE
     south = lane.y - half
     north = lane.y + half
     corners = []

@@ -24,15 +24,15 @@ from orchard.view import palette
 from orchard.view.palette import Colour
 
 MODELS = Path(__file__).with_name("models")
-# Of a middle, m. Several numbers are a copy at each.
+# x, y or z of the middle of a form, m. If it is several numbers, a copy of the form stands at each.
 Coordinate = float | Sequence[float] | np.ndarray
 
 
 class Part(NamedTuple):
     """A form of one size and colour; or several copies of it in a grid.
 
-    `size`: m along x, y, z. `at`: its middle. `colour`: sRGB, and perhaps how opaque it is, each up
-    to 255.
+    `size`: m along x, y, z. `at`: its middle, or the x, the y and the z at which there is a copy in
+    each combination. `colour`: sRGB, and perhaps how opaque it is, each up to 255.
     """
 
     size: tuple[float, float, float]
@@ -75,22 +75,40 @@ PLAN_CAMERA = "plan/camera"
 RAILS_Z = (0.9, 1.6, 2.3)  # m, of a fence
 MOWER = 3.5  # m, width of a mown stripe
 MARGIN = 6.0  # m of meadow that the plan shows around the fences
+BARE = 0.6  # m on either side of a line of trees on which nothing grows
+# m of a row's width that the pergola leaves open: half of it beside each line of trees.
+OPEN = 0.5
+# m across a row for which the model of the pergola was made: between trees 5 m apart.
+PATCH = 5.0 - OPEN
 CAMERA_UP = 400.0  # m above the ground
-PATCH = 4.5  # m, width of a patch of the pergola: of a row between trees 5 m apart
-FOCAL = 4000.0  # pixels: 10 pixels per metre on the ground
+FOCAL = 4000.0  # pixels: at this height 10 pixels per metre on the ground
 
-# z of the layers on the ground, m: at least 5 cm apart, or they flicker from afar
+# z of the layers on the ground, m. Two that overlap are at least 5 cm apart, or they flicker from
+# afar.
 MEADOW_Z = -0.35
 GRASS_Z = -0.26
+# Of roads, and of the bare strips below trees.
 ROADS_Z = -0.18
+# Of the driveway's edge, and of the gravel on it.
 DRIVEWAY_Z = -0.10
+GRAVEL_Z = -0.04
+# Of the strips of rows, which `bodies.RowView` paints.
 ROW_Z = -0.04
+# Of the lines around bay and queue, which may lie on gravel.
+PAINT_Z = 0.02
+# Of the shades of trees, which lie on strips of rows, and reach no paint.
 SHADE_Z = 0.02
+PAINTED = 0.15  # m, width of a painted line
+# m from a carrier in a place of the queue to the lines around it: they leave some room around it
+# and its bin, whose end is 2.4 m behind the middle of the carrier.
+LINE_BEHIND = 3.5
+LINE_AHEAD = 1.4
+LINE_BESIDE = 1.1
 
 
 def log_scenery(rec: rr.RecordingStream, layout: Layout) -> None:
     """Log all that does not move, in 3-D and for the plan."""
-    # Copies of a model: x, y, and how large.
+    # Copies of a model: x and y, m, and how wide each is, as a share of the model.
     trees: list[tuple[float, float, float]] = []
     posts: list[tuple[float, float, float]] = []
     for line in layout.lines:
@@ -98,7 +116,7 @@ def log_scenery(rec: rr.RecordingStream, layout: Layout) -> None:
         posts += [(x, line.y, 1.0) for x in line.posts_x]
     patches: list[tuple[float, float, float]] = []
     for lane in layout.lanes:
-        patches += [(x, lane.y, (lane.width - 0.5) / PATCH) for x in trees_over(lane)]
+        patches += [(x, lane.y, (lane.width - OPEN) / PATCH) for x in trees_over(lane)]
     rec.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     rec.log("world/ground", boxes(_ground(layout)), static=True)
     rec.log("world/fences", boxes(_fences(layout)), static=True)
@@ -116,6 +134,7 @@ def log_scenery(rec: rr.RecordingStream, layout: Layout) -> None:
 def _shades(layout: Layout) -> list[Part]:
     """Return the shades of the trees, each a little beside its tree."""
     colour = (*palette.SHADE, 110)
+    # A little larger than a crown, and where it falls if the sun stands in the south-east.
     return [
         Part((5.6, 1.7, 0.01), (np.subtract(line.trees_x, 0.3), line.y + 0.3, SHADE_Z), colour)
         for line in layout.lines
@@ -125,13 +144,14 @@ def _shades(layout: Layout) -> list[Part]:
 def _instances(
     rec: rr.RecordingStream, path: str, name: str, at: Sequence[tuple[float, float, float]]
 ) -> None:
-    """Log a model at many places, half of them turned to look less alike.
+    """Log copies of a model. They look less alike, because three of them stand as the model does,
+    and the next three the other way round.
 
-    `at`: x and y, m, and the share of the model's own width.
+    `at`: x and y of each, m, and how wide it is, as a share of the model.
     """
     x, y, width = np.array(at, dtype=np.float32).T
     zero = np.zeros_like(x)
-    turned = (np.arange(len(x)) * 7 // 3) % 2
+    turned = np.arange(len(x)) // 3 % 2
     places = rr.InstancePoses3D(
         translations=np.stack([x, y, zero], axis=1),
         quaternions=np.stack([zero, zero, turned, 1 - turned], axis=1),
@@ -162,13 +182,14 @@ def _ground(layout: Layout) -> list[Part]:
 
 def _below_trees(line: TreeLine) -> Part:
     """Return the bare strip below a line of trees."""
-    south = line.y - 0.6
-    north = line.y + 0.6
+    south = line.y - BARE
+    north = line.y + BARE
     return _slab(Rect(line.west - 1.0, south, line.east + 2.0, north), ROADS_Z, palette.BARE)
 
 
 def _roads(layout: Layout) -> list[Part]:
     """Return the roads around the rows: in the east, west, south and north."""
+    # Rows of the usual length lie between x = -35.5 and x = 34.5.
     inner_west = -36.5
     inner_east = 36.5 + layout.shift
     outer_east = 42.5 + layout.shift
@@ -190,7 +211,7 @@ def _driveway() -> list[Part]:
     edges = _slab(field.DRIVEWAY, DRIVEWAY_Z, palette.ROAD_EDGE)
     gravel = _slab(
         Rect(west + edge, south + edge, east - edge, north - edge),
-        DRIVEWAY_Z + 0.06,
+        GRAVEL_Z,
         palette.GRAVEL,
     )
     return [edges, gravel]
@@ -199,6 +220,7 @@ def _driveway() -> list[Part]:
 def _fields() -> list[Part]:
     """Return the meadows around the orchard, a chequer of colours that is always the same."""
     draw = np.random.default_rng(1)
+    # x of the fields' edges, and y too, m: fields far away are larger.
     edges = [
         -2000.0,
         -1300.0,
@@ -238,16 +260,14 @@ def _lawn(layout: Layout) -> list[Part]:
 def _bay(layout: Layout) -> list[Part]:
     """Return the lines that are painted around the bay, and between its places."""
     west, south, east, north = layout.bay
-    width = 0.15
-    z = DRIVEWAY_Z + 0.12
     between = []
     for x in layout.bay_edges:
-        between.append(_slab(Rect(x, south, x + width, north), z, palette.PAINT))
+        between.append(_slab(Rect(x, south, x + PAINTED, north), PAINT_Z, palette.PAINT))
     return [
-        _slab(Rect(west, south, east, south + width), z, palette.PAINT),
-        _slab(Rect(west, north - width, east, north), z, palette.PAINT),
-        _slab(Rect(west, south, west + width, north), z, palette.PAINT),
-        _slab(Rect(east - width, south, east, north), z, palette.PAINT),
+        _slab(Rect(west, south, east, south + PAINTED), PAINT_Z, palette.PAINT),
+        _slab(Rect(west, north - PAINTED, east, north), PAINT_Z, palette.PAINT),
+        _slab(Rect(west, south, west + PAINTED, north), PAINT_Z, palette.PAINT),
+        _slab(Rect(east - PAINTED, south, east, north), PAINT_Z, palette.PAINT),
         *between,
     ]
 
@@ -260,16 +280,17 @@ def queue_lines(layout: Layout) -> list[Part]:
     west_ends: dict[float, float] = {}
     for number in range(layout.queue_places):
         x, y, _ = layout.queue.place(number)
-        west_ends[y] = min(x - 3.5, west_ends.get(y, math.inf))
-    east = layout.queue.head + 1.4
+        west_ends[y] = min(x - LINE_BEHIND, west_ends.get(y, math.inf))
+    east = layout.queue.head + LINE_AHEAD
     lines = []
     for y, west in west_ends.items():
         colour = palette.PAINT
         if y in layout.charging_lines:
             colour = palette.CHARGING
-        for side in (-1.1, 1.1):
-            middle = y + side
-            lines.append(_slab(Rect(west, middle - 0.075, east, middle + 0.075), ROW_Z, colour))
+        for side in (-LINE_BESIDE, LINE_BESIDE):
+            south = y + side - PAINTED / 2
+            north = y + side + PAINTED / 2
+            lines.append(_slab(Rect(west, south, east, north), PAINT_Z, colour))
     return lines
 
 
@@ -296,6 +317,7 @@ def _fences(layout: Layout) -> list[Part]:
 
 def _wires(layout: Layout) -> list[np.ndarray]:
     """Return the wires along each line of trees, and across the lines from post to post."""
+    # Wires across lie on those along the lines, which are 3 cm lower.
     wires = []
     # x -> y of the posts there.
     posts: dict[float, list[float]] = {}
@@ -313,7 +335,7 @@ def _wires(layout: Layout) -> list[np.ndarray]:
 def _plan_canopy(rec: rr.RecordingStream, layout: Layout) -> None:
     """Log pergola and crowns as the plan shows them: one can see through them."""
     patches = (
-        Part((1.7, lane.width - 0.5, 0.02), (trees_over(lane), lane.y, 3.2), (*palette.VINE, 70))
+        Part((1.7, lane.width - OPEN, 0.02), (trees_over(lane), lane.y, 3.2), (*palette.VINE, 70))
         for lane in layout.lanes
     )
     crowns = (

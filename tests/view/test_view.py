@@ -6,7 +6,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 from typing import get_args
 
@@ -20,6 +20,7 @@ from rerun.chunk import RrdReader
 from orchard.contract.agent import State
 from orchard.contract.events import Event, Frame
 from orchard.contract.messages import as_json, type_of
+from orchard.field.geometry import Rect
 from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
@@ -28,10 +29,10 @@ from orchard.local import Local
 from orchard.sim.frames import FrameBuilder
 from orchard.view import scenery
 from orchard.view.focus import FOCUS
-from orchard.view.palette import CHARGING, PAINT, SCANS, STATES, YELLOW
+from orchard.view.palette import CHARGING, PAINT, ROW_RIPE, SCANS, STATES, YELLOW
 from orchard.view.reader import LETTERS, column, optimize, ticks_of
 from orchard.view.recorder import Recorder, hits
-from orchard.view.scenery import PATCH
+from orchard.view.scenery import PATCH, Part
 
 LAYERS = {
     "recording",
@@ -281,6 +282,34 @@ def test_charging_lines_have_a_colour_of_their_own() -> None:
         round(y + side, 2) for y in layout.charging_lines for side in (-1.1, 1.1)
     }
     assert set(colours.values()) == {PAINT, CHARGING}
+
+
+@pytest.mark.parametrize("carriers", [2, 20])
+@pytest.mark.parametrize("route", ["one-way", "two-way"])
+def test_no_layers_flicker_where_they_overlap(route: str, carriers: int) -> None:
+    """Layers of two colours are 5 cm apart. With few carriers on two-way roads the queue lies on
+    the gravel of the driveway.
+    """
+    layout = lay_out(Scenario(rows=3, route=route, carriers=carriers))
+    parts = scenery._ground(layout)
+    for lane in layout.lanes:
+        strip = Rect(lane.west, lane.y - lane.width / 2, lane.east, lane.y + lane.width / 2)
+        parts.append(scenery._slab(strip, scenery.ROW_Z, ROW_RIPE))
+    for shades in scenery._shades(layout):
+        for x in np.ravel(shades.at[0]):
+            parts.append(shades._replace(at=(x, *shades.at[1:])))
+    for one, other in combinations(parts, 2):
+        is_alike = one.colour == other.colour
+        apart = abs(one.at[2] - other.at[2])
+        assert is_alike or apart >= 0.05 - 1e-9 or not overlap(one, other), (one, other)
+
+
+def overlap(one: Part, other: Part) -> bool:
+    """Whether two flat parts overlap, seen from above, by more than an edge."""
+    return all(
+        abs(one.at[axis] - other.at[axis]) < (one.size[axis] + other.size[axis]) / 2 - 1e-6
+        for axis in (0, 1)
+    )
 
 
 def test_a_flattened_weed_vanishes(recording: Path) -> None:

@@ -9,17 +9,21 @@ from orchard.field.layout import Layout
 from orchard.view import palette
 from orchard.view.columns import Columns
 
-# m from the middle of one trailer to the next one, and north of the fence.
+# m from the middle of one trailer to that of the next one.
 PITCH = 3.0
+# m from the fence to the middle of each.
 NORTH = 3.2
-# m: half sizes of a trailer's deck and of all bins that it can have, and z of their middles.
+# m: half sizes of a trailer's deck along x, y, z, and z of its middle.
 DECK = (1.0, 2.4, 0.1)
 DECK_Z = 0.7
+# m: half sizes of all bins that a trailer can have, and z of their middle: they lie on the deck.
 LOAD = (0.9, 2.2, 0.4)
 LOAD_Z = DECK_Z + DECK[2] + LOAD[2]
-# m: half sizes of a bin, from one to the next one, and how many stand beside each other.
+# m: half sizes of a bin that waits for the truck.
 BIN = (0.5, 0.5, 0.4)
+# m from the middle of one to that of the next one.
 BIN_PITCH = 1.3
+# Bins of a line of them, along the fence.
 BESIDE = 40
 # In place of the number of bins on a trailer that is away.
 AWAY = -1

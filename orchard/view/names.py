@@ -14,14 +14,15 @@ from orchard.view.scenery import MARGIN, plan_size
 
 # Interval at which the names follow the robots.
 RENEWED_TICKS = 5
-NAME_Z = 4.4  # m
-ROW_Z = 4.0  # m
+# z of the names of robots, and of the numbers of rows, m: both above the crowns of the plan.
+NAME_Z = 4.4
+ROW_NUMBER_Z = 4.0
 
 # Height and width of the plan in a usual window, screen points.
 HIGH_PLAN = (730.0, 470.0)
 WIDE_PLAN = (330.0, 560.0)
 
-# Screen points, all five.
+# All that follows is in screen points.
 LETTER = 6.5  # Width of a letter.
 PADDING = 10.0  # Of the frame of a name, on both sides together.
 HEIGHT = 22.0  # Of the frame of a name.
@@ -94,7 +95,7 @@ class NameView:
         for lane in lanes:
             label = f"{lane.number}"
             labels.append(label)
-            points.append((x, lane.y + DROP * self.scale, ROW_Z))
+            points.append((x, lane.y + DROP * self.scale, ROW_NUMBER_Z))
             boxes.append((x, lane.y, *self._half(label)))
         numbers = rr.Points3D(
             points, labels=labels, radii=[0.01], colors=[palette.ROAD_EDGE], show_labels=True

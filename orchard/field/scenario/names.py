@@ -1,9 +1,12 @@
-"""The names of what is built in: policies of dispatch, rules for rows, orders of picking."""
+"""The names that a scenario can have: of policies of dispatch, rules for rows and orders of picking
+that are built in, and of what follows a policy's mistake. And names that agents cannot have.
+"""
 
 from orchard.field.kinds import BODILESS
 
 NEAREST = "nearest"
 ROLLING = "rolling"
+# A value of `dispatch_errors`, and no policy: the run ends at an order that cannot be.
 END = "end"
 # The built-in policies.
 DISPATCH_POLICIES = (

@@ -77,8 +77,9 @@ class SnapshotWriter:
         self._keyframe_ticks = max(1, round(min(keyframe_seconds, LAST_TICK) / TIME_STEP))
         self._due = -math.inf  # s, on the clock
         self._writing: Future[bool] | None = None
-        # What is being written, or waits.
+        # Whether the snapshot that is being written, or waits for that, is a keyframe too.
         self._is_keyframe = False
+        # Whether one could not be written: that is logged once.
         self._failed = False
 
     def is_due(self, tick: int) -> bool:

@@ -4,8 +4,9 @@ A run that is resumed from it gets the same hash as a run without interruption. 
 file names its format and version. The second line is the SHA-256 of the rest.
 
 Theory of operation. A run writes its files into a folder of its own; the file RUN there holds its
-id. A snapshot is for going on after a crash, so only the newest KEPT stay. A keyframe is for a
-fork, so all of them stay until the run begins again.
+id. A snapshot is for going on after a crash, so only the KEPT last written stay. A keyframe is for
+a fork, so all of them stay until the run begins again. The two differ only in their names: a moment
+that is to be both is written twice.
 
     a new file                          | what is removed
     ------------------------------------+----------------------------------------------------------
@@ -14,8 +15,9 @@ fork, so all of them stay until the run begins again.
     a later snapshot                    | all snapshots but the KEPT last written, with the new one
     a later keyframe                    | nothing
 
-A reader takes the newest file that is whole, of the right run and version, possible, and of the
-tick that its name says. It goes on to the next older one, and tells why.
+Which files go is decided by the time at which they were written. A reader goes by the ticks of
+their names: it takes the file with the highest one that is whole, of the right run and version,
+possible, and of that tick. Of each other one it tells why not, and goes on to the next lower tick.
 """
 
 import hashlib
@@ -34,9 +36,9 @@ VERSION = 10
 HEAD = b"orchard snapshot %d\n"
 # bytes. The snapshot of the largest orchard has a hundredth of that.
 LARGEST = 1 << 24
-# Snapshots that stay: the newest ones.
+# Snapshots that stay: those that were written last.
 KEPT = 2
-# A file's name is the STEM with its tick, and the suffix of its kind.
+# A file's name is the STEM with its tick, and the suffix of its kind. Ticks may have more digits.
 STEM = "tick-%09d"
 SNAPSHOT = ".snapshot"
 KEYFRAME = ".keyframe"
@@ -84,16 +86,20 @@ class Snapshot(msgspec.Struct):
 
 
 def as_file(snapshot: Snapshot) -> tuple[str, bytes]:
-    """Return the name and the content of a snapshot's file."""
+    """Return the name and the content of a snapshot's file.
+
+    A keyframe has the same content, and a name with KEYFRAME in place of SNAPSHOT.
+    """
     payload = pack(snapshot)
     head = HEAD % VERSION + hashlib.sha256(payload).hexdigest().encode() + b"\n"
     return STEM % snapshot.tick + SNAPSHOT, head + payload
 
 
 def store(name: str, content: bytes, folder: Path, run: str = "") -> Path:
-    """Write a file of `as_file` into a run's folder, and return its path. Raises OSError.
+    """Write a file into a run's folder, and return its path. Raises OSError.
 
-    What it outdates is removed, and what a process has left that was killed while it wrote.
+    `name`: of a snapshot or a keyframe. `content`: as `as_file` returns it. `run`: its id. What the
+    file outdates is removed, and what a process has left that was killed while it wrote.
     """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / name
@@ -123,8 +129,9 @@ def snapshots_in(folder: Path, *suffixes: str) -> list[Path]:
 
 def _outdated(path: Path) -> list[Path]:
     """Return the files of the same kind that a new one outdates."""
-    written = _newest_first(path.parent, path.suffix)
+    written = _highest_tick_first(path.parent, path.suffix)
     # Not the highest ticks count, which may be of damaged files, but the last that were written.
+    # Of those that were written at one time the order above decides.
     written.sort(key=lambda old: old.lstat().st_mtime_ns, reverse=True)
     # The new one stays, also if the clock was set back.
     others = [old for old in written if old != path]
@@ -132,6 +139,7 @@ def _outdated(path: Path) -> list[Path]:
         return others
     if path.suffix == KEYFRAME:
         return []
+    # The new one is one of the KEPT.
     return others[KEPT - 1 :]
 
 
@@ -176,18 +184,19 @@ def newest(
     examine: Callable[[Snapshot], object] = lambda snapshot: snapshot,
     until: int | None = None,
 ) -> Snapshot:
-    """Return the newest usable snapshot in a folder. Raises SnapshotError if there is none.
+    """Return the usable snapshot of a folder with the highest tick. Raises SnapshotError if there
+    is none.
 
-    `refused`: gets the faults of newer ones. `run`: the id of the run to which it must belong; ''
-    for that of the folder. `examine`: raises SnapshotError for impossible content. `until`: take
-    the newest one up to this tick, which may be a keyframe.
+    `refused`: gets the faults of those with higher ticks. `run`: the id of the run to which it must
+    belong; '' for that of the folder. `examine`: raises SnapshotError for impossible content.
+    `until`: take the one with the highest tick up to this one, which may be a keyframe.
     """
     expected = run or run_of(folder)
     if until is None:
-        paths = _newest_first(folder, SNAPSHOT)
+        paths = _highest_tick_first(folder, SNAPSHOT)
     else:
-        last = STEM % until
-        paths = [path for path in _newest_first(folder, KEYFRAME, SNAPSHOT) if path.stem <= last]
+        both_kinds = _highest_tick_first(folder, KEYFRAME, SNAPSHOT)
+        paths = [path for path in both_kinds if _tick_of(path) <= until]
     for path in paths:
         try:
             snapshot = read(path)
@@ -214,6 +223,12 @@ def _tick_of(path: Path) -> int:
     return int(path.stem.removeprefix("tick-"))
 
 
-def _newest_first(folder: Path, *suffixes: str) -> list[Path]:
-    """Return the files of a folder with these suffixes, those with the highest tick first."""
-    return sorted(snapshots_in(folder, *suffixes), reverse=True)
+def _highest_tick_first(folder: Path, *suffixes: str) -> list[Path]:
+    """Return the files of a folder with these suffixes, those with the highest tick first. Of one
+    tick the snapshot comes before the keyframe.
+    """
+
+    def rank(path: Path) -> tuple[int, str]:
+        return _tick_of(path), path.suffix
+
+    return sorted(snapshots_in(folder, *suffixes), key=rank, reverse=True)

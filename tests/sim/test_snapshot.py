@@ -186,6 +186,19 @@ def test_a_snapshot_under_the_name_of_another_tick_is_refused(tick, tmp_path):
         snapshot_at(tmp_path, tick, print)
 
 
+def test_ticks_of_ten_digits_come_after_those_of_nine(tmp_path):
+    """Their names do not: tick-1000000000 stands before tick-999999999 in the alphabet."""
+    snapshot = local_at(10).snapshot()
+    last_of_nine = 10**9 - 1
+    for tick in (last_of_nine, 10**9, 10**9 + 1):
+        snapshot.world["tick"] = tick
+        name, content = as_file(snapshot)
+        (tmp_path / name).write_bytes(content)
+    assert newest(tmp_path, []).tick == 10**9 + 1
+    for until in (last_of_nine, 10**9):
+        assert newest(tmp_path, [], until=until).tick == until
+
+
 def test_a_folder_without_a_snapshot_is_named(tmp_path):
     with pytest.raises(SnapshotError, match="no usable snapshot"):
         newest(tmp_path / "nothing", [])

@@ -10,7 +10,7 @@ from orchard.field.layout import X_WEST, Layout
 from orchard.field.repeatable import draw, exponential
 from orchard.field.scenario import TIME_STEP
 from orchard.plans.robot import ASK
-from orchard.plans.sense import MARGIN, bystanders_of, sweep_radius
+from orchard.plans.sense import BYSTANDER_MARGIN, bystanders_of, sweep_radius
 
 MEETS_WITHIN = (
     5.6  # m: a robot stops once for each of them that is in a strip of this width along its way
@@ -65,7 +65,8 @@ class Bystanders:
 
     def nearness(self, robot: str, is_towing: bool) -> float:
         """Return the chance that somebody is within what a turn sweeps."""
-        within = sweep_radius(KINDS[kind_of(robot)], is_towing) + self.radius + MARGIN
+        swept = sweep_radius(KINDS[kind_of(robot)], is_towing)
+        within = swept + self.radius + BYSTANDER_MARGIN
         return self.density * pi * within * within
 
     def metres_to(self, robot: str, number: int) -> float:

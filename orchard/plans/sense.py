@@ -1,6 +1,7 @@
 """What an agent finds in its scan and in answers of bystanders: whether a way or a turn is free.
 
-Points are in the agent's own frame: metres ahead of its centre, metres to its left.
+Points are in the agent's own frame: metres ahead of its centre, metres to its left. Zones are in
+that of its laser, which is `Laser.ahead` further ahead.
 
 A laser looks forward, but a turn also sweeps the space beside and behind. So a robot that turns
 asks people and animals that could be near for their positions, and stands while one of them is, or
@@ -25,17 +26,19 @@ from orchard.field.scenario import TIME_STEP
 
 # m from the front edge: a robot stops for what is nearer (docs/reference.md, "The behaviours").
 STOP_DISTANCE = 0.8
-# m by which the corridor ahead is wider on either side.
+# m by which the corridor ahead is wider than the robot, on either side.
 SIDE_MARGIN = 0.2
-# The same of a robot that is not sure of its place: 0.25 m from its side stand waiting pickers.
+# m, in place of SIDE_MARGIN, of a robot that is not sure of its place. Waiting pickers stand 0.25 m
+# from its side, and it may be nearer to them than it takes itself to be.
 UNSURE_MARGIN = 0.03
-# m around the area that a turn sweeps.
+# m from what robot and bin sweep in a turn, within which nothing may return to their lasers. For
+# people and animals, whom lasers may not see, it is BYSTANDER_MARGIN.
 TURN_MARGIN = 0.05
-# m behind it that a robot sees free before it drives back.
+# m: a robot drives back only if it sees nothing so near behind it.
 BACK = 0.2
 # m: returns this near to a box count as returns from it.
 ON_BOX = 0.1
-# rad between the poses at which a turn is checked.
+# rad, at most, between the poses at which a turn is checked.
 _SWEEP_STEP = repeatable.PI / 48
 _BIN_HALF = KINDS["bin"].length / 2
 _CENTRE = Pose(0.0, 0.0, 0.0)
@@ -127,6 +130,8 @@ def _around(seen: Observation, blind_to: list[Box]) -> tuple[np.ndarray, list[_P
     tows_bin = seen.hitch is not None and kind.tows > 0.0
     if tows_bin:
         parts.append(_Part(_pose_of_bin(seen, kind), _BIN_HALF, _BIN_HALF))
+    # Most returns are sorted out by their ranges, before their points are computed. Lasers are not
+    # at the robot's centre, so those up to a metre beyond its rear end stay: the reach decides.
     back = max(-part.pose.x + part.half_length for part in parts)
     points = _not_on(_points_around(seen, kind, back + 1.0), seen.pose, blind_to)
     reach = _reach(kind, tows_bin)
@@ -160,7 +165,8 @@ def _gaps(ahead: np.ndarray, left: np.ndarray, part: _Part) -> np.ndarray:
 def turn_zone(kind: str) -> Zone:
     """Return a zone around all that a robot without a bin sweeps in a turn.
 
-    While it is free, so is any turn: see `turn_is_free`.
+    While it is free, so is any turn: see `turn_is_free`. It is a square around the robot's centre,
+    which lies behind the laser, in whose frame zones are.
     """
     half = _reach(KINDS[kind], towing=False) + TURN_MARGIN
     ahead = KINDS[kind].laser.ahead
@@ -176,14 +182,14 @@ def _reach(kind: Kind, towing: bool) -> float:
 
 
 def _swept(points: np.ndarray, parts: list[_Part], turn: float) -> bool:
-    """Whether a part comes nearer to any point than the margin while the frame turns, rad.
+    """Whether a part comes nearer to any point than the margin while the robot turns.
 
-    A point that is within the margin from the beginning counts only if it comes nearer still: a
-    robot that touches something may turn away.
+    `turn`: by how much, rad; left is positive. A point that is within the margin from the beginning
+    counts only if it comes nearer still: a robot that touches something may turn away.
     """
     steps = int(abs(turn) / _SWEEP_STEP) + 1
     turned = np.array([repeatable.sin_cos(turn * i / steps) for i in range(steps + 1)])
-    # A row for each step, a column for each point.
+    # A row for each pose from the present one on, a column for each point.
     sines = turned[:, :1]
     cosines = turned[:, 1:]
     ahead = cosines * points[:, 0] + sines * points[:, 1]
@@ -205,6 +211,7 @@ def _points_around(seen: Observation, kind: Kind, radius: float) -> np.ndarray:
         return own
     scan = seen.hitch.scan
     bin_pose = seen.hitch.pose
+    # Its yaw may be more than half a turn, which is the same direction to `from_frame`.
     bin_in_frame = Pose(*to_frame(seen.pose, bin_pose.x, bin_pose.y), bin_pose.yaw - seen.pose.yaw)
     ahead, left = from_frame(bin_in_frame, *_returns(scan, AROUND, scan < radius).T)
     is_beyond_ends = np.abs(ahead) > kind.length / 2 + ON_BOX
@@ -270,8 +277,8 @@ def _in_path(points: np.ndarray, angle: float, half_width: float, reach: float) 
 
 # Ticks for which a bystander that did not answer is left to the lasers.
 SILENT_TICKS = 50
-# m around the circle that a turn sweeps.
-MARGIN = 0.1
+# m from the circle that a turn sweeps within which no bystander may be.
+BYSTANDER_MARGIN = 0.1
 # s before a bystander may have come near, it is asked: an answer takes two ticks.
 ASK_AHEAD = 0.3
 
@@ -322,7 +329,8 @@ def time_to_reach(
 ) -> float:
     """Return the time until a bystander may touch a circle, s from now.
 
-    It is negative if the bystander may touch the circle already, and -inf if its place is unknown.
+    It is negative if the bystander may touch the circle already, -inf if its place is unknown, and
+    inf for SILENT_TICKS after a question that it did not answer: lasers alone look for it then.
     """
     if sighting is None:
         return -math.inf
@@ -332,7 +340,7 @@ def time_to_reach(
         return -math.inf
     dx = sighting.x - circle.x
     dy = sighting.y - circle.y
-    room = math.sqrt(dx * dx + dy * dy) - circle.radius - bystander.radius - MARGIN
+    room = math.sqrt(dx * dx + dy * dy) - circle.radius - bystander.radius - BYSTANDER_MARGIN
     return room / bystander.speed - (tick - sighting.tick) * TIME_STEP
 
 
@@ -366,6 +374,7 @@ def turn_hazards(
         if seconds < ASK_AHEAD:
             to_ask.append(bystander.name)
         if math.isinf(seconds):
+            # Nothing is known of its place, so no list is known to stay empty.
             seconds = 0.0
         times.append(seconds)
     soonest = min(times, default=MOST_HOLD * TIME_STEP)

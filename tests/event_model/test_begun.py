@@ -10,8 +10,8 @@ from quiet import NOBODY, quiet_layouts
 
 from orchard.event_model import codes as c
 from orchard.event_model.begun.begin import begin_at
+from orchard.event_model.begun.doing import NotInPlanError
 from orchard.event_model.begun.moment import RunMoment
-from orchard.event_model.begun.robots import NotInPlanError
 from orchard.event_model.harvest import EventHarvest
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import TICKS_PER_SECOND, Scenario

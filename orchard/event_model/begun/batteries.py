@@ -3,12 +3,12 @@
 from math import ceil
 
 from orchard.event_model import codes as c
+from orchard.event_model.begun.doing import Doing, NotInPlanError
 from orchard.event_model.begun.moment import RunMoment
-from orchard.event_model.begun.robots import Doing, NotInPlanError
 from orchard.event_model.harvest import EventHarvest
-from orchard.event_model.kernel.roads import NEAR
 from orchard.field.machines import haul_charge
 from orchard.field.scenario import TIME_STEP
+from orchard.field.ticks import ROUNDING
 from orchard.plans import steps as st
 
 HOUR = 3600.0
@@ -59,14 +59,16 @@ class BatteriesOfCarriers:
         me.more["charge"] -= rest * self._haul_charge
         if any(isinstance(step, st.Charge) for step in me.memory.plan):
             me.more["is_charged"] = False
-            self._model.timers[c.PARK, me.number] = c.QUARTERS * (max(self._tick, back) + 1)
+            # It asks for a charger when it is back, and has stood for a tick.
+            asks = max(self._tick, back) + 1
+            self._model.timers[c.PARK, me.number] = c.QUARTERS * asks
 
     def _charge_on(self, me: Doing, charge: float) -> None:
         """Charge up to the tick at which the battery is full, if the carrier stands until then."""
         self._model.desk.free_chargers -= 1
         me.more["is_charging"] = True
         me.more["parked"] = me.more["stood"]
-        ticks = ceil((1.0 - charge) * self._ticks_to_charge - NEAR)
+        ticks = ceil((1.0 - charge) * self._ticks_to_charge - ROUNDING)
         self._model.timers[c.FULLY_CHARGED, me.number] = c.QUARTERS * (self._tick + ticks)
 
     def _await_charger(self, me: Doing, has_stood: bool) -> None:
@@ -75,6 +77,7 @@ class BatteriesOfCarriers:
             me.more["waits_to_charge"] = True
             me.more["parked"] = me.more["stood"]
         else:
+            # By then it has stood for a tick, if it stands in this one.
             self._model.timers[c.PARK, me.number] = c.QUARTERS * (self._tick + 1)
 
 

@@ -13,4 +13,5 @@ def take_over_bay(moment: RunMoment, harvest: EventHarvest) -> None:
     desk = harvest.model.desk[0]
     desk.waiting_bins = world.waiting_bins
     if desk.truck_ticks:
+        # It has come so often by the last tick.
         desk.trucks = (moment.tick - 1) // desk.truck_ticks

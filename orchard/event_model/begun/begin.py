@@ -7,10 +7,11 @@ from orchard.event_model.begun.batteries import BatteriesOfCarriers
 from orchard.event_model.begun.bay import take_over_bay
 from orchard.event_model.begun.calls import CallsOfBins
 from orchard.event_model.begun.claims import Claims
+from orchard.event_model.begun.doing import Doing, NotInPlanError
 from orchard.event_model.begun.lines import LinesOfRobots
 from orchard.event_model.begun.moment import RunMoment
 from orchard.event_model.begun.places import PlacesOfRobots
-from orchard.event_model.begun.robots import Doing, NotInPlanError, Robots
+from orchard.event_model.begun.robots import Robots
 from orchard.event_model.harvest import CarryOn, EventHarvest
 from orchard.event_model.kernel.entry import run
 from orchard.plans.routes import ROUTES

@@ -10,9 +10,9 @@ from orchard.behaviour.dispatcher import Booking, DispatcherMemory
 from orchard.contract.messages import CarrierStatus, Here, Offer, unpack
 from orchard.dispatch.policies import dispatch_of
 from orchard.event_model import codes as c
+from orchard.event_model.begun.doing import Doing
 from orchard.event_model.begun.moment import RunMoment
 from orchard.event_model.begun.ops import Ops
-from orchard.event_model.begun.robots import Doing
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel import calls as kernel
 from orchard.event_model.kernel import reports
@@ -63,6 +63,7 @@ class CallsOfBins:
     def take_over_desk(self) -> None:
         """Set what the dispatcher does next. The columns of robots must have been written."""
         desk = self._model.desk[0]
+        # Right after the agents have acted at the last tick: their letters are events to come.
         desk.now = c.QUARTERS * (self._tick - 1) + 1
         desk.deliveries = self._moment.world.delivered
         if self._has_dispatcher:
@@ -77,6 +78,7 @@ class CallsOfBins:
         picker.more["bringer"] = carrier.number
         self._model.bins[self._bins[name]].taken = c.NEVER
         if picker.memory.taken == name:
+            # In the last tick or before it: to the carrier's next question that is the same.
             self._model.bins[self._bins[name]].taken = self._tick - 1
         requests = self._moment.requests(carrier.name)
         if any(isinstance(request, Here) for request in requests):
@@ -239,8 +241,9 @@ class CallsOfBins:
         elif memory.asked == self._tick - 1:
             timers[c.CALL_HEARD, picker.number] = c.QUARTERS * self._tick
         else:
-            again = memory.asked + CALL_AGAIN + 1
-            timers[c.CALL_HEARD, picker.number] = c.QUARTERS * again
+            # Carriers hear a call in the tick after it.
+            heard = memory.asked + CALL_AGAIN + 1
+            timers[c.CALL_HEARD, picker.number] = c.QUARTERS * heard
 
     def _chosen(self, name: str) -> str:
         """Return the carrier that a bin chooses at the next tick; '' if it hears no offer."""
@@ -279,19 +282,26 @@ class CallsOfBins:
                 next_report = max(self._tick, memory.asked + CALL_AGAIN)
                 self._model.timers[c.REPORT, picker.number] = c.QUARTERS * next_report
         elif booking.is_answered:
-            self._order(picker, booking.carrier, booking.told + HEARD)
-            self._plan_order(picker, booking.told - REPORTED)
+            # The dispatcher has answered the report in the tick in which it heard that.
+            report = booking.told - REPORTED
+            self._order_after(picker, booking.carrier, report)
         else:
-            asks = memory.asked
-            is_on_its_way = asks == self._tick - 1
+            # The bin is told by the answer to a report that the dispatcher has not heard yet: the
+            # last one, if that is on its way, or else the next one.
+            report = memory.asked
+            is_on_its_way = report == self._tick - 1
             if not is_on_its_way:
-                asks += CALL_AGAIN
-            self._order(picker, booking.carrier, asks + HEARD + ORDERED)
-            self._plan_order(picker, asks)
+                report += CALL_AGAIN
+            self._order_after(picker, booking.carrier, report)
 
     def _is_over(self, booking: Booking) -> bool:
         """Whether a carrier that was booked for a bin has come, and the bin calls anew."""
         return booking.is_answered and booking.told + HEARD < self._tick
+
+    def _order_after(self, picker: Doing, carrier: str, report: int) -> None:
+        """Let a bin hear by the answer to a report which carrier comes, and order that one."""
+        self._order(picker, carrier, report + HEARD + ORDERED)
+        self._plan_order(picker, report)
 
     def _order(self, picker: Doing, carrier: str, tick: int) -> None:
         """Let a carrier hear at a tick that it was sent."""

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchard.event_model import codes as c
+from orchard.event_model.begun.doing import Doing
 from orchard.event_model.begun.ops import Ops
-from orchard.event_model.begun.robots import Doing
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel import roads, turns
 from orchard.event_model.kernel.roads import BESIDE, CLEAR, NEAR, OFF_THE_LINE
@@ -31,8 +31,9 @@ class OnLine:
 
     # NONE: it is on no line.
     line: int = c.NONE
-    # Along the line, m: where it is, and up to where it drives.
+    # Where it is along the line, m.
     at: float = 0.0
+    # Up to where it drives there, m.
     end: float = 0.0
     # Whether its bin stands across the line, or has left it.
     is_across: bool = False
@@ -78,7 +79,7 @@ class LinesOfRobots:
         its line of the queue.
         """
         done = me.op - me.first
-        if me.decided is not None:
+        if me.decided != c.NONE:
             done = me.decided - me.job_first
         if "customer" not in me.more or done > LOOKED_BACK:
             return OnLine()
@@ -239,7 +240,7 @@ class LinesOfRobots:
 
 def ops_before(me: Doing) -> list[int]:
     """Return the last ops that a robot has done. Those to charge follow a part of a job."""
-    if me.decided is None:
+    if me.decided == c.NONE:
         return [*range(max(me.first, me.op - LOOKED_BACK), me.op)]
     in_job = range(max(me.job_first, me.decided - LOOKED_BACK), me.decided)
     return [*in_job, *range(me.first, me.op)]

@@ -5,8 +5,8 @@ import numpy as np
 from orchard.contract.messages import Places
 from orchard.event_model import codes as c
 from orchard.event_model.begun.claims import Claims
+from orchard.event_model.begun.doing import Doing
 from orchard.event_model.begun.ops import Ops
-from orchard.event_model.begun.robots import Doing
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel.places import ANSWERED, BEFORE_ACTING, HEARD
 from orchard.plans.robot import GIVEN_BACK, PATIENCE
@@ -50,6 +50,7 @@ class PlacesOfRobots:
 
     def _set(self, kind: int, me: Doing, places: list[str]) -> None:
         """Set one of the sets of places of a robot."""
+        # Words of 64 bits.
         bits = self._model.sets[kind, me.number]
         for place in places:
             word, bit = divmod(self._program.places.bits[place], 64)
@@ -139,6 +140,7 @@ class PlacesOfRobots:
         if answer is not None and missing <= set(answer.held):
             self._model.timers[c.GRANT, me.number] = self._next_answer
         elif missing <= granted and self._claims.sent(me.name) is None:
+            # The first tick from this one on at which its claims, one each PATIENCE ticks, fall.
             next_claim = self._tick + (me.memory.claimed - self._tick) % PATIENCE
             heard = c.QUARTERS * (next_claim + ANSWERED) - BEFORE_ACTING
             self._model.timers[c.GRANT, me.number] = heard

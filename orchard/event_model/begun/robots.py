@@ -1,24 +1,29 @@
 """What each robot does at a moment: its op, the state in it, and when it goes on."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from math import ceil
 from typing import Any
 
 from orchard.contract.messages import BinState, StateRequest, Yes
 from orchard.event_model import codes as c
 from orchard.event_model.begun.claims import Claims
+from orchard.event_model.begun.doing import (
+    Doing,
+    NotInPlanError,
+    has_step,
+    inserted_steps,
+    step_of,
+)
 from orchard.event_model.begun.moment import RunMoment
 from orchard.event_model.begun.ops import Ops
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel.bay import later
-from orchard.event_model.kernel.roads import NEAR
 from orchard.event_model.plain import as_python
 from orchard.field.geometry import HEADINGS, Pose, angle_between
 from orchard.field.kinds import kind_of
 from orchard.field.queue import BESIDE
 from orchard.field.scenario import TIME_STEP
-from orchard.field.ticks import BIN_FOLLOWS
+from orchard.field.ticks import BIN_FOLLOWS, ROUNDING, whole_ticks
 from orchard.plans import steps as st
 from orchard.plans.handling import EXCHANGE
 from orchard.plans.robot import ASK, PATIENCE, Step
@@ -28,41 +33,6 @@ from orchard.sim.world import NONE
 MOVES = (c.DRIVE, c.TURN)
 # Such ops are over in the tick in which they begin.
 AT_ONCE = (c.BEGIN_ROW, c.END_ROW, c.FREE, c.HAUL, c.HOME, c.MAY_CHARGE, c.CHARGE)
-
-
-class NotInPlanError(NotImplementedError):
-    """A robot does something that its plan does not have, such as coming back to its course."""
-
-
-@dataclass
-class Doing:
-    """What a robot does at a moment."""
-
-    name: str
-    number: int
-    memory: Any
-    pose: Pose
-    # The bin on its bar; NONE: none.
-    bin: int
-    # Its plan begins at this op.
-    first: int
-    op: int
-    kind: int
-    # The step that is first in its memory; None: its plan is done.
-    step: Step | None
-    state: int = c.STANDING
-    # The tick at which it goes on; None: something else wakes it.
-    alarm: int | None = None
-    # Of a turn: the ticks for which it has turned.
-    turned: int = 0
-    # Of a drive: where it is along its line, m.
-    here: float = 0.0
-    # The first op of a carrier's job, and the one at which it began to drive to the chargers; None:
-    # it does not.
-    job_first: int = c.NONE
-    decided: int | None = None
-    # More columns of `columns.ROBOT`.
-    more: dict[str, Any] = field(default_factory=dict)
 
 
 class Robots:
@@ -75,8 +45,10 @@ class Robots:
         self.tick = moment.tick
         self.layout = moment.world.layout
         self.program = harvest.program
+        # Name -> number in the event model, of robots and of bins.
         self.numbers = {name: number for number, name in enumerate(harvest.names)}
         self.bins = {name: number for number, name in enumerate(harvest.bin_names)}
+        # Of each body, by its index in the layout.
         self._pose = moment.world.pose.tolist()
         self._coupled = moment.world.coupled.tolist()
         self._full = moment.world.full.tolist()
@@ -109,6 +81,7 @@ class Robots:
         """Return what a picker does."""
         memory = self._memory(name)
         first = self.program.harvests[name]
+        # The last of `begins` is the end of the plan, and no step.
         unplanned = len(self.program.begins[first]) - 1 - memory.planned
         me = self._doing(name, first, max(0, unplanned))
         me.more["offered"] = self.bins.get(memory.offered, c.NONE)
@@ -121,9 +94,13 @@ class Robots:
         """Return what a carrier does."""
         memory = self._memory(name)
         job_first = self._plan_of_carrier(name)
-        decides = self._op_that_let_charge(memory, job_first)
-        me = self._doing(name, self._first_to_charge(decides) or job_first, 0)
-        me.decided = decides
+        decided = self._op_that_let_charge(memory, job_first)
+        first = job_first
+        if decided != c.NONE:
+            # Such an op has the first one of the plan to charge.
+            first = int(self.ops.arg[decided])
+        me = self._doing(name, first, 0)
+        me.decided = decided
         me.job_first = job_first
         me.more["queue_line"] = self._queue_line(name)
         me.more["is_free"] = memory.job is None
@@ -135,35 +112,32 @@ class Robots:
             question = f"StateRequest {memory.job.bin}"
             if me.kind == c.DRIVE and question in memory.asked:
                 me.more["bin_asked"] = memory.asked[question]
-            if decides is None or _has_step(memory, st.Charge):
-                # Its way is counted from here, up to its line of the queue.
+            if decided == c.NONE or has_step(memory, st.Charge):
+                # It has not come to the end of its way, in a line of the queue: `Charge` is done
+                # there. When it left the queue is not known, so the way is counted from here.
                 me.more["away"] = self.tick
         if isinstance(me.step, st.Haul):
             self._be_away(me)
         return me
 
-    def _op_that_let_charge(self, memory: Any, job_first: int) -> int | None:
-        """Return the op of a job at which a carrier began to drive to the chargers; None if it
+    def _op_that_let_charge(self, memory: Any, job_first: int) -> int:
+        """Return the op of a job at which a carrier began to drive to the chargers; NONE if it
         does not charge.
         """
-        if not _has_step(memory, st.Charged):
-            return None
+        if not has_step(memory, st.Charged):
+            return c.NONE
         op = job_first
         while int(self.ops.kind[op]) != c.MAY_CHARGE:
             op += 1
         return op
 
-    def _first_to_charge(self, decides: int | None) -> int | None:
-        """Return the op at which a plan to charge begins, if a carrier has one."""
-        if decides is None:
-            return None
-        return int(self.ops.arg[decides])
-
     def _be_away(self, me: Doing) -> None:
-        """Be away at the load-out for the rest of the time. One that charges after it gets no call
-        before.
+        """Be away at the load-out for the rest of the time.
+
+        It gets calls once it is back; if it charges then, only after that. Its way was counted
+        when it came to its line: it is outside the queue no longer.
         """
-        me.more["is_free"] = not _has_step(me.memory, st.Charge)
+        me.more["is_free"] = not has_step(me.memory, st.Charge)
         me.more["away"] = c.NEVER
         me.more["back"] = me.memory.since + self.layout.machines["carrier"].haul_ticks
 
@@ -175,8 +149,9 @@ class Robots:
         return memory
 
     def _queue_line(self, name: str) -> int:
-        """Return the line of the queue in which a carrier is, or from which its job leads and where
-        it ends: its own one, or the charging line in which it stands.
+        """Return the number of the line of the queue that a carrier's plan begins in.
+
+        That is the charging line in which the carrier stands, or else the line that is its own.
         """
         x, y, _ = self._pose[self.layout.index[name]]
         area = self.layout.queue.area
@@ -203,7 +178,7 @@ class Robots:
         memory = self._memory(name)
         if memory.way:
             raise NotInPlanError(f"{name} comes back to its course")
-        inserted = _inserted(memory)
+        inserted = inserted_steps(memory)
         op = self._op_of(name, first, inserted, unplanned)
         body = self.layout.index[name]
         me = Doing(
@@ -215,7 +190,7 @@ class Robots:
             first=first,
             op=op,
             kind=int(self.ops.kind[op]),
-            step=_step_of(memory),
+            step=step_of(memory),
             alarm=self.tick,
         )
         me.more["done"] = memory.done
@@ -233,13 +208,20 @@ class Robots:
     def _op_of(self, name: str, first: int, inserted: int, unplanned: int) -> int:
         """Return the op in which a robot is. `inserted`: steps that a failure has put before its
         plan. `first`, `unplanned`: see `_doing`.
+
+        A memory has only the steps that are not done. So the steps to come are counted from the end
+        of the plan: if it has 5 steps, and 2 of them are left, the robot is in step 3, counted
+        from 0.
         """
         memory = self._memory(name)
+        # The op at which each step begins, and last the one that ends the plan.
         begins = self.program.begins[first]
-        number = len(begins) - 1 - (len(memory.plan) - inserted) - unplanned
+        steps = len(begins) - 1
+        left = len(memory.plan) - inserted + unplanned
+        number = steps - left
         if number >= 0:
             return self._lasting(begins[number])
-        if number == -1 and isinstance(_step_of(memory), st.Realign):
+        if number == -1 and isinstance(step_of(memory), st.Realign):
             # At the start of a run it turns to face along its line.
             return begins[0]
         raise NotInPlanError(f"{name} has steps that are not of its plan")
@@ -252,7 +234,10 @@ class Robots:
         return self.bins[self.layout.names[hitch]]
 
     def _lasting(self, op: int) -> int:
-        """Return the first op from here on that takes time: the step before it has begun."""
+        """Return the first op from here on that takes time.
+
+        The step has begun, so those of its ops that take none are over.
+        """
         while int(self.ops.kind[op]) in AT_ONCE:
             op += 1
         return op
@@ -268,7 +253,9 @@ class Robots:
 
     @property
     def _ways_on(self) -> dict[int, Callable[[Doing], None]]:
-        """How a robot goes on, by the kind of its op. One that drives looks again."""
+        """How a robot goes on, by the kind of its op. One that drives has none: it looks again, and
+        `lines` sets from where.
+        """
         return {
             c.END: self._rest,
             c.TURN: self._turn,
@@ -284,7 +271,10 @@ class Robots:
         }
 
     def _begin(self, me: Doing) -> None:
-        """Begin the op at the next tick."""
+        """Begin the op at the next tick.
+
+        To the machine the robot has just done the op before it.
+        """
         me.state = c.IDLE
         me.more["next_op"] = me.op
         me.op -= 1
@@ -321,12 +311,14 @@ class Robots:
         if isinstance(me.step, st.Face):
             left = abs(angle_between(me.pose.yaw, HEADINGS[me.step.heading]))
         turn = self.layout.machines[kind_of(me.name)].turn
-        ticks = ceil(left / (turn * TIME_STEP) - NEAR)
+        ticks = ceil(left / (turn * TIME_STEP) - ROUNDING)
         me.turned = int(self.ops.ticks[me.op]) - ticks
         self._last(me, self.tick + ticks)
 
     def _await_partner_gone(self, me: Doing) -> None:
-        """Look again when traffic has heard the robot's next claim, or answers it."""
+        """Look at the next tick if the robot hears then that it is alone; or else in the tick after
+        it sends a claim, because traffic has heard the claim by then.
+        """
         assert isinstance(me.step, st.Alone)
         me.state = c.WAITING_FOR_PARTNER
         claimed = me.memory.claimed
@@ -334,12 +326,17 @@ class Robots:
         if answer is not None and me.step.place in answer.alone:
             me.alarm = self.tick
         elif claimed < self.tick - 1:
-            me.alarm = max(self.tick, claimed + PATIENCE) + 1
+            # Its last claim was heard before, so it looks after its next one.
+            next_claim = max(self.tick, claimed + PATIENCE)
+            me.alarm = next_claim + 1
         else:
             me.alarm = claimed + 1
 
     def _handle(self, me: Doing, state: int) -> None:
-        """Couple or uncouple for the rest of the time that it takes."""
+        """Couple or uncouple for the rest of the time that it takes.
+
+        That is less time if the robot had stood before it began.
+        """
         handles = self.ops.handles_at_rest
         if int(self.ops.kind[me.op - 1]) in MOVES:
             handles = self.ops.handles
@@ -364,7 +361,9 @@ class Robots:
             me.alarm = self.tick
 
     def _deliver(self, me: Doing) -> None:
-        """Leave the empty bin, or ask the picker again and again whether it has that."""
+        """Leave the empty bin; or ask the picker again and again whether it has taken that, and go
+        on when it is heard that it has.
+        """
         assert isinstance(me.step, st.Deliver)
         picker = me.step.picker
         asked = me.memory.asked.get(f"Here {picker}")
@@ -372,20 +371,26 @@ class Robots:
             self._uncouple(me, c.DROPPING_BIN, me.memory.delivered)
             return
         me.more["asked"] = asked
-        if asked + ASK >= self.tick and self._has_taken(
-            me.name, picker, me.memory.delivered, asked
-        ):
-            self._last(me, asked + ASK)
+        hears = asked + ASK
+        is_yet_to_hear = hears >= self.tick
+        if is_yet_to_hear and self._has_taken(me.name, picker, me.memory.delivered, asked):
+            self._last(me, hears)
         else:
             me.state = c.HANDING_OVER
             me.alarm = asked + PATIENCE
 
     def _has_taken(self, carrier: str, picker: str, bin_name: str, asked: int) -> bool:
-        """Whether a picker says yes to a carrier's question of this tick: it has taken the bin."""
+        """Whether a picker says yes, because it has taken the bin, to a carrier's question to which
+        the answer is not heard yet.
+
+        `asked`: the tick of that question, the last one or the one before.
+        """
         if self.moment.memories[picker].taken != bin_name:
             return False
         if asked == self.tick - 1:
+            # The picker will hear the question, and knows by now what it answers.
             return True
+        # It has answered, perhaps before it took the bin.
         heard = self.moment.answers(carrier)
         return any(sender == picker and isinstance(answer, Yes) for sender, answer in heard)
 
@@ -397,6 +402,7 @@ class Robots:
             return
         begun = me.memory.asked.get(EXCHANGE)
         if begun is not None:
+            # It has the bin and its place. The op after this one is the time of the exchange.
             me.op += 1
             self._last(me, begun + int(self.ops.ticks[me.op]))
         elif me.bin != c.NONE and self._has_claimed_place(me):
@@ -421,10 +427,13 @@ class Robots:
         """
         body = self._coupled[self.layout.index[me.name]]
         if body == NONE or not self._full[body]:
+            # The op after this one is the time until the carrier hears.
             me.op += 1
             self._last(me, self._hears_of_empty(me.name, self.layout.names[body]))
             return
+        # The tick from which on the bay may take the bin, which comes to stand after its carrier.
         rests = me.memory.since + BIN_FOLLOWS
+        # Ticks for which it was unloaded by now.
         unloaded = int(self.moment.world.bay_ticks[body])
         me.more["asked"] = me.memory.since
         me.more["is_taken"] = unloaded > 0
@@ -433,9 +442,11 @@ class Robots:
             self._last(me, rests)
             return
         taken = self.tick - unloaded
+        waited = taken - rests
+        # From when the carrier stands until its bin is empty, if the bay takes that at once.
         ticks = int(self.ops.ticks[me.op])
-        me.more["hears_later"] = as_python(later)(ticks, taken - rests)
-        self._last(me, taken - BIN_FOLLOWS + ticks)
+        me.more["hears_later"] = as_python(later)(ticks, waited)
+        self._last(me, me.memory.since + waited + ticks)
 
     def _hears_of_empty(self, carrier: str, bin_name: str) -> int:
         """Return the tick at which a carrier hears that its bin is empty."""
@@ -443,9 +454,10 @@ class Robots:
             if sender == bin_name and isinstance(answer, BinState) and not answer.full:
                 return self.tick
         asked = self._memory(carrier).asked[f"{StateRequest.__name__} {bin_name}"]
-        # A bin that has heard an earlier question was full then.
-        is_heard = asked < self.tick - 1
-        return int(asked + ASK + PATIENCE * is_heard)
+        if asked < self.tick - 1:
+            # The bin has heard that question, and was full then: the carrier will ask again.
+            asked += PATIENCE
+        return int(asked + ASK)
 
     def _await_charge(self, me: Doing) -> None:
         """Stand until the battery is full; or, if it is, until the carrier sees that."""
@@ -466,27 +478,4 @@ class Robots:
         me.more["fails"] = True
         if isinstance(step, st.Wait):
             me.state = c.REPAIRED
-            me.alarm = max(self.tick, me.memory.since + ceil(step.seconds / TIME_STEP - NEAR))
-
-
-def _step_of(memory: Any) -> Step | None:
-    """Return the step that is first in a robot's memory; None: its plan is done."""
-    return memory.plan[0] if memory.plan else None
-
-
-def _has_step(memory: Any, step: type[Step]) -> bool:
-    """Whether a plan has a step of a class, outside those that it may do in place of others."""
-    return any(isinstance(planned, step) for planned in memory.plan)
-
-
-def _inserted(memory: Any) -> int:
-    """Return how many steps a failure has put before a plan: those before its MayFail."""
-    is_failing = memory.state == "failed"
-    for step in memory.plan[:2]:
-        is_failing = is_failing or (isinstance(step, st.Say) and step.state == "failed")
-    if not is_failing:
-        return 0
-    kinds = [type(step) for step in memory.plan]
-    if st.MayFail not in kinds:
-        raise NotInPlanError("a robot fails that has no failures in its plan")
-    return kinds.index(st.MayFail)
+            me.alarm = max(self.tick, me.memory.since + whole_ticks(step.seconds))

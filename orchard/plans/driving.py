@@ -146,6 +146,7 @@ class DriveTo(Step, frozen=True):
             room = ahead * (gate.at - here) - asks_before
             if room >= 0.0 and not reserved.issuperset(gate.places):
                 rooms.append(room)
+        # Rounded up: it acts again when it has come to the first of them.
         return int(max(0.0, min(rooms) - SLACK) / (speed * TIME_STEP)) + 1
 
     def _limit(

@@ -11,8 +11,8 @@ from orchard.contract.agent import Observation
 from orchard.field.geometry import Pose, from_frame, to_frame
 from orchard.field.scenario import TIME_STEP
 
-# Share of the difference between position and estimate that corrects the estimate. Of white errors
-# sqrt(0.1 / 1.9), or 23 %, remain.
+# Share of the difference between position and estimate that corrects the estimate. As of any
+# exponential smoothing, of white errors sqrt(GAIN / (2 - GAIN)) remains, which is 23 %.
 GAIN = 0.1
 # Share that is learned for each m by which the estimate was wrong and each m driven since: in some
 # 3 s at 1 m/s.
@@ -35,6 +35,7 @@ def place_of(seen: Observation, before: Estimate | None) -> Estimate:
         return Estimate(seen.tick, seen.x, seen.y)
     ahead = before.share * seen.twist.x * TIME_STEP * (seen.tick - before.tick)
     x, y = from_frame(Pose(before.x, before.y, seen.pose.yaw), ahead, 0.0)
+    # m by which its position is ahead of where its odometry has it.
     further, _ = to_frame(Pose(x, y, seen.pose.yaw), seen.x, seen.y)
     return Estimate(
         tick=seen.tick,

@@ -12,7 +12,7 @@ CLEAR_OF_TURNS = 3.0
 # m past such a gate at which a robot has given its places back, so that it may leave.
 OFF_THE_ROAD = CLEAR_OF_TURNS + 0.1
 # s before its bin is full from which on a picker fills it before it leaves: a carrier may be on its
-# way, and would wait there. Of a shorter drive it is the second half.
+# way, and would wait there. On a drive of less than twice as long, it is the second half.
 FILLED_FIRST = 600.0
 # s in one step of a repair. A run is jammed after 600 s without progress.
 LONGEST_WAIT = 300.0

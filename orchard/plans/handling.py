@@ -33,7 +33,7 @@ from orchard.plans.robot import (
 
 # Ticks between two questions if the answer changes nothing.
 SELDOM = 50
-# m which it drives ahead to come to one side.
+# m which a robot that searches for the coupling point drives ahead to come to one side.
 PULL = 1.0
 # Ticks for which a robot tries to couple in one place.
 TRIES = 5
@@ -67,6 +67,8 @@ class Deliver(Step, frozen=True):
         """Return what it takes beside its motion, in ticks: to uncouple, and to ask until the
         picker has the bin.
         """
+        # From the first question, by which the picker hears of the bin, up to the one that it hears
+        # when it has coupled it: a whole number of intervals.
         questions = -(-(machine.coupling_ticks_at_rest + ASK) // PATIENCE)
         return machine.uncoupling_ticks + questions * PATIENCE + ASK
 
@@ -153,6 +155,7 @@ class Announce(Step, frozen=True):
     def act(self, robot: PlanExecutor) -> bool:
         """Tell the bin. Return whether it has answered, or will not."""
         bin_ = robot.seen.hitch
+        # It has asked, and asked again twice.
         is_too_late = robot.seen.tick - robot.memory.since > 2 * PATIENCE
         # A bin that does not know calls when it is left.
         if bin_ is None or is_too_late:

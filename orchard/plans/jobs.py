@@ -34,7 +34,7 @@ from orchard.plans.steps import (
     Unload,
 )
 
-ROUNDING = 1e-6  # ticks
+ROUNDING = 1e-6  # ticks, s or m
 
 
 class Use(NamedTuple):
@@ -201,6 +201,7 @@ def _fillings(route: OneWay, picker: str, block: Block) -> Iterator[_Filling]:
     for number, timed in enumerate(plan):
         if isinstance(timed.step, FetchEmpty):
             current = next(passes)
+            # `Alone` comes right after its bin and a `Say`: see `OneWay.go_to_next_row`.
             begins = plan[number : number + 3]
             yield _Filling(
                 picker=picker,
@@ -240,6 +241,7 @@ def _job(route: OneWay, filling: _Filling) -> TimedJob:
     beyond = layout.beyond(row, side.name) / layout.machines["picker"].speed
     going_on = handover_seconds(layout)
     if filling.waits_for_place:
+        # The place is another robot's ASK later, when that one has heard of it.
         leaves_place = of_carrier.at + (of_carrier.ticks - ASK) * TIME_STEP - stop
         going_on = max(going_on, leaves_place)
     # The ways from all lines of the queue join before the first lane.

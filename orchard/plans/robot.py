@@ -131,13 +131,13 @@ class RobotMemory(msgspec.Struct):
     alone: list[str] = []
     # Robots for which the places that it wants are reserved, by traffic's last answer.
     blockers: list[str] = []
-    # Tick of the last claim to traffic.
+    # Tick of the last claim to traffic; at first so long ago that it may claim at once.
     claimed: int = -PATIENCE
     # Whether it wanted to move in the last tick.
     moving: bool = False
     # Whether it wanted to drive, and not only to turn.
     driving: bool = False
-    # Tick at which it last found that it had collided.
+    # Tick at which it last found that it had collided; at first so long ago that it has no effect.
     bumped: int = -2 * RECOVERY
     # Person or animal -> its reported position.
     sighted: dict[str, sense.Sighting] = {}
@@ -291,6 +291,7 @@ class PlanExecutor:
         rate = max(-most, min(most, remaining / TIME_STEP))
         self.turn(rate, remaining, blind_to)
         in_full_ticks = max(0.0, abs(remaining) / TIME_STEP - most - SLACK)
+        # Rounded up: it acts again for the last tick of the turn.
         self.hold(int(in_full_ticks / most) + 1)
 
     def is_held_up(self, blind_to: list[sense.Box]) -> bool:
@@ -574,6 +575,7 @@ class PlanExecutor:
         action.hold = self._hold_of(action.twist)
         self._stop_for_obstacles()
         if near:
+            # A few names are enough for people.
             self._stop_for(", ".join(near[:3]))
         memory.moving = action.twist != STILL
         memory.driving = bool(action.twist.x)
@@ -647,6 +649,7 @@ class PlanExecutor:
                 x = y = math.inf
                 if isinstance(reply.body, Position):
                     x, y = reply.body.x, reply.body.y
+                # It was there when it answered, a tick ago.
                 self.memory.sighted[reply.sender] = sense.Sighting(self.seen.tick - 1, x, y)
 
     def _hear_places(self, answer: Places, claim: Claim) -> None:

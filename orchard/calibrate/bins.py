@@ -2,7 +2,8 @@
 
 The events of a bin have no number in common. What is fetched is the full bin of its picker, or of
 its row. What is unloaded is the newest one that the carrier has fetched on that day. Where lines
-name no carrier, it is the oldest one.
+name no carrier, it is the oldest one of that day: bins of several carriers are under way together.
+If there is none of that day, it is the newest one of the days before.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,8 +17,10 @@ from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import WorkShift
 from orchard.field.scenario.shift import minutes_of
 
-# A time without any event is told if it is so long, and so many times as long as the mean.
-LEAST_SILENCE = 900.0  # s
+# A time without any event is told if it is longer than this, s, so that no short rest is.
+LEAST_SILENCE = 900.0
+# And so many times as long as the mean between two events, so that a log of few bins is not
+# full of them.
 TIMES_THE_MEAN = 10.0
 
 
@@ -28,12 +31,12 @@ class LoggedBin:
     picker: str
     row: str
     carrier: str
-    #: Days are compared, and nothing else.
+    #: By it the bins of a log are told apart, and in order. All bins of a model have the same one.
     day: date
     full: float
     fetched: float | None
     unloaded: float | None
-    #: Of the log; 0 in a model.
+    #: The line of the log with "full"; 0 in a model.
     line: int = 0
 
     @property
@@ -70,11 +73,11 @@ class _OpenBin:
     full: LogLine
     fetched: LogLine | None = None
     unloaded: LogLine | None = None
-    #: Whether the next bin was full before this one was fetched, and whether another one after it
-    #: was: then it will not be fetched.
+    #: Whether the next bin of its picker, or row, was full before this one was fetched.
     is_overtaken: bool = False
+    #: Whether two more were: then it will not be fetched.
     is_lost: bool = False
-    #: Whether its carrier has unloaded a newer one before it.
+    #: Whether its carrier has unloaded a bin that it has fetched later.
     is_passed_over: bool = False
 
     @property
@@ -193,7 +196,8 @@ class _BinBook:
         """
         carried = [taken for taken in self.on_their_way if _is_unloaded_by(line, taken)]
         of_day = [taken for taken in carried if taken.fetched.time.date() == line.time.date()]
-        # Else it has stood overnight, which is no drive.
+        # A bin of a day before has stood overnight, which tells nothing of its drive. It is the
+        # newest one, because of older ones a line with unloaded is missing.
         possible = of_day or carried[-1:]
         if possible:
             unloaded = possible[0]

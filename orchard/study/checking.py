@@ -18,7 +18,7 @@ _FREE = (
     "{key} vary and cost nothing, so the most of them would be the cheapest; set {price}, 0 if they"
     " do cost nothing, or leave all prices out"
 )
-# Key -> prices of it.
+# Key of the number of robots -> the prices that such robots can have, in words.
 _PRICES = {
     "pickers": "prices.picker_per_hour or picker_per_bin",
     "carriers": "prices.carrier_per_hour or carrier_per_day",
@@ -72,7 +72,11 @@ def _option_problems(settings: Sequence[Setting], options: StudyOptions) -> list
 
 
 def _price_problems(settings: Sequence[Setting], options: StudyOptions) -> list[Problem]:
-    """Return that pickers vary without a price, if costs are what a study asks for."""
+    """Return that pickers vary without a price, if costs are what a study asks for.
+
+    Carriers that vary without one pass: their table is shown. Only a question for the cheapest
+    fleet refuses them, in `finishing`.
+    """
     numbers = {setting.scenario.pickers for setting in settings}
     is_of_costs = options.goal in (None, "cost_per_bin") and have_prices(settings)
     if not is_of_costs or len(numbers) == 1:
@@ -81,9 +85,10 @@ def _price_problems(settings: Sequence[Setting], options: StudyOptions) -> list[
 
 
 def free_robots(settings: Sequence[Setting], key: str) -> list[Problem]:
-    """Return that robots vary and cost nothing, while something else has a price.
+    """Return that robots of a kind cost nothing in settings in which their number varies, while
+    something else has a price.
 
-    `key`: of their number, pickers or carriers.
+    `key`: that of their number, pickers or carriers. The caller has found that it varies.
     """
     for setting in settings:
         prices = setting.scenario.prices
@@ -116,6 +121,7 @@ def _plugin_problems_of(setting: Setting, model: Models) -> list[Problem]:
         check_plugins(layout)
         own_steps = [step.__name__ for step in route_of(layout).Steps]
     except ScenarioError as error:
+        # Values that vary stand in no file, so the setting is named in its place.
         return [replace(problem, file=setting.words or problem.file) for problem in error.problems]
     if model == "full" or not own_steps:
         return []

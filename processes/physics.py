@@ -23,7 +23,7 @@ from orchard.net.process import run_process
 from orchard.net.zenoh_bus import client, router
 from orchard.security.identity import identity_in
 from orchard.server.options import RunOptions
-from orchard.server.snapshots import last, sole
+from orchard.server.snapshots import last, sole_writer
 from orchard.sim.snapshot import Snapshot, SnapshotError
 from orchard.wire.keys import Keys
 from orchard.wire.messages import End
@@ -68,7 +68,7 @@ def simulate(
     """
     keys = Keys(options.prefix)
     snapshots = options.snapshot_folder
-    with sole(snapshots):
+    with sole_writer(snapshots):
         before = last(snapshots, options.run) if options.resume and snapshots else None
         if before is None and isinstance(options.scenario, str):
             # A snapshot holds the scenario, and its file may be gone then.

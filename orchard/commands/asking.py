@@ -20,7 +20,13 @@ from orchard.contract.agent import MOST_STEPS
 from orchard.contract.messages import pack
 from orchard.field.scenario import TIME_STEP
 from orchard.folders import runs_folder
-from orchard.launch.run_notes import RunNote, end_left_over, find_run, find_runs, running_here
+from orchard.launch.run_notes import (
+    RunNote,
+    end_orphaned_processes,
+    find_run,
+    find_runs,
+    running_here,
+)
 from orchard.net.bus import Bus
 from orchard.net.endpoints import BusError
 from orchard.net.requests import ask
@@ -79,7 +85,7 @@ class RunQuery(Generic[M]):
 def stop(robots: Robots = None, connect: There = None, secure: EmergencyOperator = None) -> None:
     """Stop robots, each with its bin, of all active runs here. They stand until they are reset."""
     if connect is None:
-        has_ended_some = end_left_over(runs_folder(), print_error)
+        has_ended_some = end_orphaned_processes(runs_folder(), print_error)
         if has_ended_some and not running_here(runs_folder()):
             return
     _ask_runs(find_runs, connect, secure, of_robots(robots or [], is_stop=True))
@@ -88,7 +94,7 @@ def stop(robots: Robots = None, connect: There = None, secure: EmergencyOperator
 def reset(robots: Robots = None, connect: There = None, secure: EmergencyOperator = None) -> None:
     """Let stopped robots of a run go on."""
     if connect is None:
-        end_left_over(runs_folder(), print_error)
+        end_orphaned_processes(runs_folder(), print_error)
     _ask_runs(find_run, connect, secure, of_robots(robots or [], is_stop=False))
 
 

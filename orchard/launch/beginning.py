@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 from orchard.field.scenario import Scenario, check
 from orchard.launch.options import CHANGES, HarvestOptions
 from orchard.launch.run_folder import RunFolder
-from orchard.launch.run_notes import end_left_over
+from orchard.launch.run_notes import end_orphaned_processes
 from orchard.launch.scenarios import scenario_of
-from orchard.server.snapshots import examine, sole
+from orchard.server.snapshots import examine, sole_writer
 from orchard.sim.restore import world_from
 from orchard.sim.snapshot import Snapshot, SnapshotError, newest
 from orchard.sim.stops import stopped
@@ -50,7 +50,8 @@ def beginning_of(chosen: HarvestOptions, runs: RunFolder) -> Beginning:
 def check_end(world: World, duration: float | None) -> None:
     """Raise SnapshotError if nothing ends a run without a network.
 
-    That is so if robots stand, and it has no `duration`, s.
+    That is so if an emergency stop holds robots, and the run has no `duration`, s: nobody can let
+    them go on, and a harvest does not end before.
     """
     standing = stopped(world)
     if duration is None and standing:
@@ -75,9 +76,11 @@ def _newest_snapshot(chosen: HarvestOptions, run: str, runs: RunFolder) -> Snaps
     if needless:
         raise ValueError(f"--resume: leave out {needless}: the snapshot has its scenario")
     refused: list[str] = []
-    end_left_over(runs.folder, print_error)
+    # Those of this run, if there are any, write into its folder.
+    end_orphaned_processes(runs.folder, print_error)
     folder = runs.snapshots(run)
-    with sole(folder):
+    # A run that is active is not gone on with.
+    with sole_writer(folder):
         snapshot = newest(folder, refused, examine=examine)
     for reason in refused:
         print_error(f"not used: {reason}")

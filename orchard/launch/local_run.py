@@ -22,7 +22,7 @@ from orchard.report.progress import Progress
 from orchard.server.account import RunAccount
 from orchard.server.control import Pacer
 from orchard.server.options import last_tick
-from orchard.server.snapshots import SnapshotWriter, sole
+from orchard.server.snapshots import SnapshotWriter, sole_writer
 from orchard.sim.kernels.cache import COMPILING, are_compiled
 from orchard.sim.lookahead import HOLDS
 from orchard.sim.snapshot import Snapshot
@@ -90,7 +90,7 @@ def run(request: RunRequest, look: Look | None, show: Show) -> tuple[dict[str, A
     account = _account_of(request, local)
     pacer = Pacer(request.options.pace, time.monotonic)
     ticks = last_tick(request.options.duration)
-    with sole(request.snapshots), interruptible(local) as is_stopped:
+    with sole_writer(request.snapshots), interruptible(local) as is_stopped:
         try:
             # This may compile, which is no time of the run.
             local.engine.rehearse()

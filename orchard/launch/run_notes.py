@@ -132,7 +132,7 @@ def find_run(folder: Path, connect: str | None) -> list[RunNote]:
 POLL_SECONDS = 0.1  # between two looks whether a process has ended
 
 
-def end_left_over(folder: Path, say: Callable[[str], None]) -> bool:
+def end_orphaned_processes(folder: Path, say: Callable[[str], None]) -> bool:
     """End the processes of runs in this folder that lost their program, and remove their notes.
 
     Returns whether there were such processes.

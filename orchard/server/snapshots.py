@@ -26,7 +26,7 @@ log = logging.getLogger("orchard")
 
 
 @contextmanager
-def sole(folder: Path | None) -> Iterator[None]:
+def sole_writer(folder: Path | None) -> Iterator[None]:
     """Lock a folder, so that only one process writes snapshots there.
 
     Raises SnapshotError if another one does.

@@ -18,7 +18,7 @@ from patience import PATIENCE
 
 from orchard.launch import run_notes
 from orchard.launch.distributed import RESULT
-from orchard.launch.run_notes import end_left_over, processes_of
+from orchard.launch.run_notes import end_orphaned_processes, processes_of
 from orchard.net.ending import read_end
 from orchard.net.lifeline import STARTED_BY
 from orchard.sim.snapshot import as_file, newest, store
@@ -127,11 +127,11 @@ def test_what_does_not_end_by_itself_is_ended_by_force(tmp_path, monkeypatch):
         deadline = time.monotonic() + PATIENCE
         while not all(map(processes_of, ("run7", "run8"))):
             assert time.monotonic() < deadline
-        assert end_left_over(tmp_path, lines.append)
+        assert end_orphaned_processes(tmp_path, lines.append)
         assert others[0].wait(PATIENCE) == -signal.SIGKILL
         assert processes_of("run8") == [others[1].pid]
         assert "run run7: its `orchard` is gone; ending the 1 processes" in lines[0]
-        assert not end_left_over(tmp_path, lines.append)
+        assert not end_orphaned_processes(tmp_path, lines.append)
     finally:
         for other in others:
             other.kill()

@@ -19,7 +19,7 @@ from stage import empty_orchard
 
 from orchard.folders import named, newest_path
 from orchard.launch.run_folder import RunFolder
-from orchard.launch.run_notes import end_left_over
+from orchard.launch.run_notes import end_orphaned_processes
 from orchard.sim.snapshot import SnapshotError
 from orchard.terminal.catalogue import COMMANDS
 from orchard.terminal.exits import exit_on_errors, in_words
@@ -144,7 +144,7 @@ def test_only_notes_of_runs_are_cleared_away(tmp_path):
     for name, text in OF_OTHERS.items():
         (tmp_path / name).write_text(text)
     (tmp_path / "gone.going").write_text('{"run": "gone", "endpoint": "tcp/127.0.0.1:9"}')
-    assert not end_left_over(tmp_path, print)
+    assert not end_orphaned_processes(tmp_path, print)
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == OF_OTHERS
 
 

@@ -27,7 +27,7 @@ from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError
 from orchard.net.refusals import Refused
 from orchard.report.progress import Progress
-from orchard.server.snapshots import sole
+from orchard.server.snapshots import sole_writer
 from orchard.sim.snapshot import SnapshotError
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
 from orchard.wire.messages import End
@@ -186,17 +186,17 @@ def test_a_run_stopped_before_physics_listens_is_stopped(signals, is_reached):
 
 def test_nobody_else_keeps_snapshots_where_somebody_does(tmp_path):
     folder = tmp_path / "one.snapshots"
-    with sole(folder):
+    with sole_writer(folder):
         with (
             pytest.raises(
                 SnapshotError, match=r"one.snapshots: the run of these snapshots is still active"
             ),
-            sole(folder),
+            sole_writer(folder),
         ):
             pass
-        with sole(tmp_path / "other.snapshots"), sole(None):
+        with sole_writer(tmp_path / "other.snapshots"), sole_writer(None):
             pass
-    with sole(folder):
+    with sole_writer(folder):
         pass
 
 

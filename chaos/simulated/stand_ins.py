@@ -116,7 +116,7 @@ def forgets_no_mail(self: mailbox.Mailbox, tick: int) -> None:
 
 
 def first_in_folder(folder: Any, run: str = "") -> Any:
-    for path in snapshot._newest_first(folder, snapshot.SNAPSHOT):
+    for path in snapshot._highest_tick_first(folder, snapshot.SNAPSHOT):
         return snapshot.read(path)
     return None
 
@@ -124,7 +124,7 @@ def first_in_folder(folder: Any, run: str = "") -> Any:
 def newest_of_any_run(
     folder: Path, refused: list[str], run: str = "", examine: Any = None, until: Any = None
 ) -> Any:
-    for path in snapshot._newest_first(folder, snapshot.SNAPSHOT):
+    for path in snapshot._highest_tick_first(folder, snapshot.SNAPSHOT):
         try:
             found = snapshot.read(path)
             examine(found)

@@ -36,6 +36,11 @@ RTK = {"sensors.gnss.white": 0.01, "sensors.gnss.bias": 0.02}
 DRIFT = {"sensors.odometry.distance": 0.02, "sensors.odometry.heading": 0.01}
 TWO_WAY = {"route": "two-way", "tractor": True}
 SEEDS = range(20)
+# Columns of `Observations.states`: x, y, z and w of the orientation, and then the velocity: ahead, to the
+# left, and of the turn.
+VELOCITY = slice(4, 7)
+# z and w of the orientation of a body that faces east.
+FACES_EAST = (0.0, 1.0)
 
 
 def erring(seed: int = 1, **changes: float) -> Scenario:
@@ -145,10 +150,8 @@ def test_a_bar_measures_without_errors():
 
 
 def test_odometry_drifts_by_its_constants():
-    """While the robot stands, its odometry stands.
-
-    A robot drives 50 m straight on: its odometry is longer or shorter by a share, and bends by an
-    angle for each metre.
+    """A robot drives 50 m straight on: its odometry is longer or shorter by a share, and bends by
+    an angle for each metre. While it stands, its odometry stands.
     """
     world, scans = world_of(
         erring(**{"sensors.odometry.distance": 0.02, "sensors.odometry.heading": 0.001})
@@ -157,13 +160,14 @@ def test_odometry_drifts_by_its_constants():
     i = world.index["picker_01"]
     start = world.pose[i].copy()
     world.twist[i] = 1.0, 0.0, 0.0
-    ahead, _, bend = sensors.measured(observe(world, scans)).states[i, 4:].tolist()
+    ahead, _, bend = sensors.measured(observe(world, scans)).states[i, VELOCITY].tolist()
     for _ in range(500):
         sensors.advance()
     x, y, yaw = (world.reckoned[i] - start).tolist()
     assert ahead != 1.0
     assert bend != 0.0
     assert yaw == pytest.approx(50.0 * bend)
+    # The end of an arc of this radius and angle.
     assert (x, y) == pytest.approx(
         (ahead / bend * math.sin(yaw), ahead / bend * (1 - math.cos(yaw))), rel=1e-3
     )
@@ -171,7 +175,8 @@ def test_odometry_drifts_by_its_constants():
     before = world.reckoned.copy()
     sensors.advance()
     assert (world.reckoned == before).all()
-    assert sensors.measured(observe(world, scans)).states[i, 4:].tolist() == [0.0, 0.0, 0.0]
+    velocity = sensors.measured(observe(world, scans)).states[i, VELOCITY]
+    assert velocity.tolist() == [0.0, 0.0, 0.0]
 
 
 def test_odometry_has_the_deviation_that_the_scenario_sets():
@@ -180,7 +185,8 @@ def test_odometry_has_the_deviation_that_the_scenario_sets():
         world, scans = world_of(erring(seed, **DRIFT))
         robots = list(robots_of(world.layout).values())
         world.twist[robots] = 1.0, 0.0, 0.0
-        velocities.append(Sensors(world).measured(observe(world, scans)).states[robots, 4:])
+        states = Sensors(world).measured(observe(world, scans)).states
+        velocities.append(states[robots, VELOCITY])
     ahead, _, bend = np.concatenate(velocities).T
     assert (ahead - 1.0).std() == pytest.approx(0.02, rel=0.2)
     assert bend.std() == pytest.approx(0.01, rel=0.2)
@@ -230,30 +236,33 @@ def test_the_wire_has_the_measured_pose_and_the_truth():
 
 
 def test_a_driving_robot_filters_errors_by_odometry():
+    """Of white errors it keeps what any exponential smoothing keeps: see GAIN."""
     chance = np.random.default_rng(1)
+    white = 0.05
     place = None
     found = []
     for tick in range(2000):
-        x, y = 0.1 * tick + chance.normal(0.0, 0.05), chance.normal(0.0, 0.05)
-        place = place_of(
-            Observation("picker_01", tick, x, y, (0.0, 1.0), Twist(1.0), np.zeros(180)), place
-        )
-        found.append((place.x - 0.1 * tick, place.y))
-    assert np.std(found[100:]) == pytest.approx(0.05 * math.sqrt(GAIN / (2 - GAIN)), rel=0.1)
+        true_x = 0.1 * tick
+        x = true_x + chance.normal(0.0, white)
+        y = chance.normal(0.0, white)
+        seen = Observation("picker_01", tick, x, y, FACES_EAST, Twist(1.0), np.zeros(180))
+        place = place_of(seen, place)
+        found.append((place.x - true_x, place.y))
+    # The first errors hang on the first position.
+    settled = found[100:]
+    assert np.std(settled) == pytest.approx(white * math.sqrt(GAIN / (2 - GAIN)), rel=0.1)
 
 
 def test_a_robot_learns_by_which_share_its_odometry_is_wrong():
-    """Without that its estimate would be 0.27 m wrong at 1 m/s.
-
-    The robot would then pass gates.
+    """It drives at 1 m/s, and its odometry measures 1.3 m/s. Else its estimate would stay 0.27 m
+    ahead, and it would pass gates: it gains 0.03 m in each tick, and 0.9 of what it is ahead stays.
     """
     chance = np.random.default_rng(1)
     place = None
     for tick in range(200):
         x = 0.1 * tick + chance.normal(0.0, 0.02)
-        place = place_of(
-            Observation("picker_01", tick, x, 0.0, (0.0, 1.0), Twist(1.3), np.zeros(180)), place
-        )
+        seen = Observation("picker_01", tick, x, 0.0, FACES_EAST, Twist(1.3), np.zeros(180))
+        place = place_of(seen, place)
     assert place.share == pytest.approx(1 / 1.3, abs=0.02)
     assert place.x == pytest.approx(19.9, abs=0.03)
 
@@ -316,11 +325,15 @@ def test_our_agents_finish_with_rtk_on_each_route(route, dispatch, seed):
 
 
 def test_a_picker_short_of_the_end_drives_on_until_full():
+    """It takes itself to be at the row's end 8 cm before it, and its bin lacks so much."""
     stage = Stage(with_changes(erring(**RTK), dispatch="nearest"))
-    stage.put("picker_01", 33.0, 10.75)
-    stage.world.row_ends[0, 0] = 68.5
-    stage.world.fill[stage.world.index["bin_01"]] = 68.5
-    stage.give("picker_01", [DriveTo(x=34.42), Fill(0.3, 70.0), LeaveBin()])
+    lane = stage.world.layout.lane(1)
+    picked = lane.length - 1.5
+    stage.put("picker_01", lane.west + picked, lane.y)
+    stage.world.row_ends[0, 0] = picked
+    stage.world.fill[stage.world.index["bin_01"]] = picked
+    short = DriveTo(x=lane.east - 0.08)
+    stage.give("picker_01", [short, Fill(most=0.3, fill=lane.length), LeaveBin()])
     stage.run_until(lambda: stage.bin_of("picker_01") == "", 30.0)
     assert stage.is_full("bin_01")
 
@@ -344,6 +357,7 @@ def test_a_robot_that_has_tried_all_places_begins_again():
     name = stage.bin_of("carrier_01")
     stage.world.coupled[[stage.world.index["carrier_01"], stage.world.index[name]]] = NONE
     job = Job(name, 1, "east", "picker_01")
+    # It is about to couple at the last place of its search, 1.5 m ahead of where it can.
     stage.give(
         "carrier_01",
         [TakeBin(bin=name, tried=len(SEARCH) - 1, at=stage.pose("carrier_01")[:2])],

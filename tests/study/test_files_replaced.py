@@ -18,6 +18,8 @@ from orchard.study.report import save as save_report
 from orchard.study.table import save_csv
 from orchard.terminal.files import check_writable
 
+# A word with a space is an option and the file that it names, as `told_of_others` takes them. Other
+# options stand in words of their own.
 COMMANDS = {
     "study": (
         "study",
@@ -77,7 +79,8 @@ SUMMARIES = {
 
 
 @pytest.mark.parametrize("command", SUMMARIES)
-def test_a_summary_of_such_a_command_is_one(command, tmp_path):
+def test_an_own_summary_may_be_replaced(command, tmp_path):
+    """What each of these commands writes is known as a summary of the Orchard."""
     path = tmp_path / "summary.json"
     write_summary(path, SUMMARIES[command])
     check_writable(path, kind=SUMMARY)

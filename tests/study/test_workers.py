@@ -25,6 +25,9 @@ from orchard.study.study import study
 from orchard.study.workers import WorkersError, processes, scheduled
 
 HERE = Path(__file__).parent
+# `double` kills its worker at 3 unless the file exists that it is given: so no worker dies with
+# this one.
+NOBODY_DIES = Path(__file__)
 NUMBERS = list(range(12))
 
 
@@ -33,6 +36,7 @@ def always() -> bool:
 
 
 def test_a_worker_that_is_killed_loses_and_doubles_nothing(tmp_path):
+    """`double` kills its worker at 3, and makes the file `died` first."""
     items = [(number, tmp_path / "died") for number in NUMBERS]
     with processes(2) as workers:
         done = list(workers.do(double, items, always))
@@ -42,15 +46,15 @@ def test_a_worker_that_is_killed_loses_and_doubles_nothing(tmp_path):
 
 
 def test_a_worker_that_dies_between_rounds_is_replaced():
-    """A worker that dies between two rounds of work is replaced."""
+    """The executor knows of the death before the next round, and takes no more work."""
     with processes(1) as workers:
-        list(workers.do(double, [(1, HERE)], always))
+        list(workers.do(double, [(1, NOBODY_DIES)], always))
         executor: Any = workers.executor
         (worker,) = executor._processes.values()
         noticed = executor._executor_manager_thread
         worker.kill()
         noticed.join(PATIENCE)
-        done = workers.do(double, [(number, HERE) for number in NUMBERS], always)
+        done = workers.do(double, [(number, NOBODY_DIES) for number in NUMBERS], always)
         assert sorted(result for _, result in done) == [2 * number for number in NUMBERS]
 
 
@@ -150,7 +154,9 @@ def dask_process(module: str, *arguments: object, before: tuple[str, ...] = ()) 
 
 
 def test_a_scheduler_gives_the_same_table_after_a_death(tmp_path, monkeypatch):
-    """A scheduler gives the same table though a worker dies and refuses a wrong clock."""
+    """One of its two workers dies at 3 of NUMBERS. Then a study there gives the table that it gives
+    here. At last workers whose clocks seem to be wrong are refused.
+    """
     file = tmp_path / "scheduler.json"
     scenario = Scenario(rows=3, picking_speed=0.5, picking={"spread": {"distribution": "gamma"}})
     varied = {"carriers": [1, 2]}

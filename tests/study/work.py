@@ -6,7 +6,10 @@ from pathlib import Path
 
 
 def double(item: tuple[int, Path]) -> int:
-    """Twice a number. The worker that gets 3 dies of it, once."""
+    """Twice a number. The worker that gets 3 dies of it, once.
+
+    `item`: the number, and the file that exists once a worker has died.
+    """
     number, marker = item
     if number == 3 and not marker.exists():
         marker.touch()

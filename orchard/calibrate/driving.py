@@ -16,8 +16,9 @@ from orchard.calibrate.bins import LoggedBin, Silence
 from orchard.calibrate.estimates import FittedValue, estimate
 from orchard.calibrate.picking import MOST_TIMES_THE_MEDIAN, is_silent
 
-# BinDrives, and metres between the shortest and the longest way, from which on a speed is fitted.
+# Drives from which on anything is fitted to them.
 LEAST_DRIVES = 12
+# m from the shortest way to the longest one, from which on a speed is fitted.
 LEAST_METRES = 20.0
 # The share of resamples with equal ways up to which a speed is fitted.
 MOST_UNKNOWN = 0.02

@@ -8,9 +8,12 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 from scipy.stats import DegenerateDataWarning, bootstrap
 
-# Resamples of an interval, and the seed by which they are drawn.
+# Resamples of an interval.
 RESAMPLES = 999
+# The seed by which they are drawn.
 SEED = 1
+# Resamples that are in memory at once.
+BATCH = 100
 
 Statistic = Callable[..., np.ndarray]
 
@@ -64,11 +67,12 @@ def estimate(
             paired=len(samples) > 1,
             confidence_level=confidence,
             rng=np.random.default_rng(SEED),
-            batch=100,
+            batch=BATCH,
             **options,
         )
     draws = result.bootstrap_distribution
     # A resample may tell nothing, such as the slope of equal ways.
+    # Percent on either side of the interval.
     tail = 50.0 * (1.0 - confidence)
     lowest, highest = np.nanpercentile(draws, [tail, 100.0 - tail])
     return FittedValue(value, min(value, float(lowest)), max(value, float(highest)), draws)

@@ -34,6 +34,7 @@ ROUNDS = 2
 SEEDS = 3
 # The distribution of what differs, if the scenario does not say one.
 USUAL_SPREAD = "lognormal"
+# Of what does not differ. The coefficient of variation has no effect then: it is the default.
 ALIKE = {"distribution": "none", "cv": 0.3}
 
 

@@ -133,6 +133,7 @@ def check_on_day(
     predicted = fmean(rates)
     # The bins of the model are alike, and those of a day are not.
     of_bins = predicted * (fitted.picking.between_bins or 0.0)
+    # Of a further run, about a mean of RUNS that is not exact either.
     of_runs = variance(rates) * (1.0 + 1.0 / RUNS)
     half = width * math.sqrt(of_runs + of_bins**2 / len(of_day))
     return LastDay(
@@ -166,6 +167,8 @@ def _drawn(fitted: Fit, scenario: Scenario, names: Sequence[str], run: int) -> S
     spread = 0.0
     if picking.between_pickers is not None:
         spread = picking.between_pickers.value
+    # Of a lognormal distribution with this coefficient of variation. Picking times are drawn with
+    # the usual time as their mean; rates are their inverses, so half of sigma**2 is added.
     sigma = math.sqrt(math.log(1.0 + spread * spread))
     rates = {}
     for number in range(scenario.pickers):

@@ -147,6 +147,7 @@ def _jobs_in_order(harvest: EventHarvest) -> list[tuple[int, int]]:
     for of_line in harvest.program.jobs.tolist():
         for end, first in enumerate(of_line):
             if first != c.NONE:
+                # Ends count through the rows, as `Program.end_number` has them.
                 jobs.append((first, end // len(SIDES) + 1))
     return sorted(jobs)
 

@@ -13,11 +13,15 @@ from orchard.field.problems import Problem, ScenarioError, printable
 from orchard.field.scenario import Scenario, with_changes
 from orchard.field.survey import FEWEST_ROWS, MOST_ROWS
 
+# The fewest pickers that a scenario can have.
 FEWEST_PICKERS = 2
-# What is assumed of rows, so that a picker of the model fills several bins, and a bin fits.
-LEAST_ROWS_A_PICKER = 3
+# What follows is assumed of rows if no scenario is named. A picker of the model must fill several
+# bins: a row has so many, unless each picker has so many rows.
 LEAST_BINS_A_ROW = 3.0
+LEAST_ROWS_A_PICKER = 3
+# The most that a scenario can have.
 MOST_BINS_A_ROW = 40.0
+# m of a row for each of its bins, so that the bins fit into it.
 METRES_A_BIN = 10.0
 _NUMBER = re.compile(r"(?:row|r)?[ _.-]*0*([1-9][0-9]*)", re.IGNORECASE)
 

@@ -17,9 +17,8 @@ from orchard.sim.kernels.boxes import (
 )
 from orchard.sim.world import World
 
-# m ahead of its front edge, a little more than robots keep free.
+# m from its front edge, and from each of its sides: a little more than robots keep free.
 REACH = 0.9
-# m to each side of it.
 ASIDE = 0.25
 PLACES = {AHEAD: "ahead", IN_TURN: "in its turn"}
 
@@ -56,6 +55,7 @@ def _bodies_in_the_way(world: World, robot: int, ahead: bool) -> list[int]:
         area = _box_ahead(own)
     else:
         area = _box_around(own, world.layout.names[robot])
+    # A first choice, by circles that leave out nothing that is in the area.
     away = np.hypot(boxes[:, X] - own[X], boxes[:, Y] - own[Y])
     is_near = away < area[RADIUS] + own[RADIUS] + boxes[:, RADIUS]
     itself = (robot, int(world.coupled[robot]))
@@ -83,5 +83,6 @@ def _box_around(own: np.ndarray, name: str) -> np.ndarray:
     reach = KINDS[kind_of(name)].tows + own[RADIUS]
     area[HALF_LENGTH] = reach
     area[HALF_WIDTH] = reach
+    # A little more than from its middle to a corner.
     area[RADIUS] = 1.5 * reach
     return area

@@ -82,6 +82,7 @@ def _collision(world: World, i: int, obstacle: int) -> Event:
     if obstacle < len(names):
         return Event(world.tick, "collision", names[i], names[obstacle])
     x, y, half_length, half_width = world.layout.walls[obstacle - len(names)].tolist()
+    # Only fences are so long.
     thing = "a trunk or post"
     if max(half_length, half_width) > 1.0:
         thing = "a fence"

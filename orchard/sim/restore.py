@@ -48,6 +48,7 @@ def world_from(snapshot: Snapshot) -> World:
         for name in sorted(unknown):
             faults.append(f"{name}: there is no such agent")
         if faults:
+            # A few are enough for people.
             raise ValueError("; ".join(faults[:5]))
     return world
 

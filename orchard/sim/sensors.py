@@ -22,7 +22,8 @@ from orchard.sim.kernels.move import quaternions
 from orchard.sim.scan import Hitches
 from orchard.sim.world import World
 
-# Columns of a body's state: see Observations.
+# Columns of a body's state, as `Observations` has them: its position; its velocity ahead, to the
+# left, and of its turn.
 X_Y = slice(0, 2)
 MOTION = slice(4, 7)
 

@@ -15,8 +15,8 @@ def room(world: World) -> float:
     load_out = world.layout.scenario.load_out
     bins = load_out.trailers.bins
     assert bins is not None
-    at_bay, back, _ = world.trailers.T
-    return int((bins - at_bay[back <= world.tick]).sum())
+    loaded, back_at, _ = world.trailers.T
+    return int((bins - loaded[back_at <= world.tick]).sum())
 
 
 def take(world: World, is_last: bool) -> None:
@@ -24,10 +24,13 @@ def take(world: World, is_last: bool) -> None:
     machine = world.layout.machines["carrier"]
     if not machine.trailer_ticks:
         return
-    there = (world.trailers[:, 1] <= world.tick).nonzero()[0]
-    trailer = max(there.tolist(), key=lambda number: int(world.trailers[number, 0]))
-    world.trailers[trailer, 0] += 1
-    bins = int(world.trailers[trailer, 0])
+    # Views: what is written to them is written to the world.
+    loaded, back_at, taken = world.trailers.T
+    there = (back_at <= world.tick).nonzero()[0]
+    trailer = max(there.tolist(), key=lambda number: int(loaded[number]))
+    loaded[trailer] += 1
     load_out = world.layout.scenario.load_out
-    if is_last or bins == load_out.trailers.bins:
-        world.trailers[trailer] = 0, world.tick + machine.trailer_ticks, bins
+    if is_last or loaded[trailer] == load_out.trailers.bins:
+        taken[trailer] = loaded[trailer]
+        loaded[trailer] = 0
+        back_at[trailer] = world.tick + machine.trailer_ticks

@@ -199,7 +199,7 @@ class World:
         self.row_ends = np.zeros((rows, 4))
         # m: x before which this picker picks nothing.
         self.pick_from = np.full(n, ANYWHERE)
-        # Of bins: ticks at rest in the bay since it last moved.
+        # Of bins: ticks for which the bay has unloaded it by now; 0 if it does not.
         self.bay_ticks = np.zeros(n, dtype=np.int64)
         # Of carriers that have unloaded: ticks for which they will still be away at the load-out.
         self.hauling = np.zeros(n, dtype=np.int64)

@@ -27,7 +27,7 @@ from orchard.plans.steps import DriveTo, Fill, LeaveBin, TakeBin
 from orchard.report.metrics import collisions
 from orchard.sim.lookahead import CheckedHolds, IgnoredHolds
 from orchard.sim.scan import observe
-from orchard.sim.sensors import Sensors, robots_of
+from orchard.sim.sensors import MOTION, Sensors, robots_of
 from orchard.sim.world import NONE, World
 from orchard.wire.codec import odometry_of
 from orchard.wire.messages import Odometry, TickStateMessage, read
@@ -36,9 +36,6 @@ RTK = {"sensors.gnss.white": 0.01, "sensors.gnss.bias": 0.02}
 DRIFT = {"sensors.odometry.distance": 0.02, "sensors.odometry.heading": 0.01}
 TWO_WAY = {"route": "two-way", "tractor": True}
 SEEDS = range(20)
-# Columns of `Observations.states`: x, y, z and w of the orientation, and then the velocity: ahead, to the
-# left, and of the turn.
-VELOCITY = slice(4, 7)
 # z and w of the orientation of a body that faces east.
 FACES_EAST = (0.0, 1.0)
 
@@ -160,7 +157,7 @@ def test_odometry_drifts_by_its_constants():
     i = world.index["picker_01"]
     start = world.pose[i].copy()
     world.twist[i] = 1.0, 0.0, 0.0
-    ahead, _, bend = sensors.measured(observe(world, scans)).states[i, VELOCITY].tolist()
+    ahead, _, bend = sensors.measured(observe(world, scans)).states[i, MOTION].tolist()
     for _ in range(500):
         sensors.advance()
     x, y, yaw = (world.reckoned[i] - start).tolist()
@@ -175,7 +172,7 @@ def test_odometry_drifts_by_its_constants():
     before = world.reckoned.copy()
     sensors.advance()
     assert (world.reckoned == before).all()
-    velocity = sensors.measured(observe(world, scans)).states[i, VELOCITY]
+    velocity = sensors.measured(observe(world, scans)).states[i, MOTION]
     assert velocity.tolist() == [0.0, 0.0, 0.0]
 
 
@@ -186,7 +183,7 @@ def test_odometry_has_the_deviation_that_the_scenario_sets():
         robots = list(robots_of(world.layout).values())
         world.twist[robots] = 1.0, 0.0, 0.0
         states = Sensors(world).measured(observe(world, scans)).states
-        velocities.append(states[robots, VELOCITY])
+        velocities.append(states[robots, MOTION])
     ahead, _, bend = np.concatenate(velocities).T
     assert (ahead - 1.0).std() == pytest.approx(0.02, rel=0.2)
     assert bend.std() == pytest.approx(0.01, rel=0.2)

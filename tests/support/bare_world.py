@@ -11,7 +11,7 @@ from raycaster import world_of
 
 from orchard.contract.messages import Deed
 from orchard.field.geometry import EAST, Pose, Twist
-from orchard.field.kinds import ANIMALS, PEOPLE
+from orchard.field.kinds import ANIMALS, KINDS, PEOPLE
 from orchard.field.lanes import ROW_WEST
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
@@ -21,6 +21,7 @@ from orchard.sim.world import NONE, World
 
 # y of row 1's centre line.
 LANE = 10.75
+# The fastest drive and turn of the default scenario.
 AHEAD = Twist(1.0)
 TURN_LEFT = Twist(yaw=math.pi / 8)
 
@@ -79,7 +80,8 @@ def yard(*bodies, **kwargs) -> Yard:
 
 def picker_with_bin(x: float = ROW_WEST, y: float = LANE, yaw: float = EAST, **kwargs) -> Yard:
     """Return a yard with picker_01 and bin_02 coupled behind it."""
-    back = Pose(x - 2.25 * math.cos(yaw), y - 2.25 * math.sin(yaw), yaw)
+    tows = KINDS["picker"].tows
+    back = Pose(x - tows * math.cos(yaw), y - tows * math.sin(yaw), yaw)
     alone = yard(("picker", Pose(x, y, yaw)), ("bin", back), **kwargs)
     alone.couple("picker_01", "bin_02")
     return alone

@@ -16,9 +16,14 @@ from orchard.field.placement import Start
 from orchard.field.scenario import Animals, People, Scenario
 from orchard.sim.world import World
 
-# m: on the edge of a box.
+# m: what is so near to the edge of a box is on it.
 TOUCH = 1e-9
+# The wall of a world without walls, which must have one: nobody comes there, or sees it.
 FAR_AWAY = (1000.0, 1000.0, 0.25, 0.25)
+# y of row 1's centre line, from row to row, and between the trees of a row, m: the default ones.
+FIRST_LANE = 10.75
+ROW_PITCH = 5.5
+ROW_WIDTH = 5.0
 
 
 def world_of(
@@ -39,11 +44,18 @@ def world_of(
         Start(f"{kind}_{i + 1:02d}", kind, Pose(*pose)) for i, (kind, pose) in enumerate(bodies)
     )
     chosen = Scenario(**{"rows": 3, **nobody, **scenario})
-    lanes = tuple(
-        Lane(i + 1, 10.75 - 5.5 * i, chosen.mean_picking_speed, ROW_WEST, chosen.row_length, 5.0)
-        for i in range(chosen.rows)
-    )
-    return World(Layout(chosen, lanes, (), {}, starts, np.array(walls or [FAR_AWAY])))
+    lanes = []
+    for i in range(chosen.rows):
+        lane = Lane(
+            number=i + 1,
+            y=FIRST_LANE - ROW_PITCH * i,
+            picking_speed=chosen.mean_picking_speed,
+            west=ROW_WEST,
+            length=chosen.row_length,
+            width=ROW_WIDTH,
+        )
+        lanes.append(lane)
+    return World(Layout(chosen, tuple(lanes), (), {}, starts, np.array(walls or [FAR_AWAY])))
 
 
 def boxes_seen_by(world: World, me: int) -> list[tuple[float, float, float, float, float]]:

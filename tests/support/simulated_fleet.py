@@ -22,8 +22,10 @@ from chaos.simulated.session import SimulatedBus
 from orchard.launch.supervisor import ProcessSpec
 from orchard.net.bus import Alive, Final, Item, Replied, Sample, Signal
 
-# Of virtual time that any one wait may take.
+# s of virtual time that any one wait may take.
 SECONDS = 200.0
+# s that a process takes at most to load its modules: how much of that is drawn.
+LOADING = 0.2
 
 
 class PassingInbox(VirtualInbox):
@@ -36,44 +38,53 @@ class PassingInbox(VirtualInbox):
     def put(self, item: Item) -> None:
         self._pass_on(item)
 
-    put_quietly = put
+    def put_quietly(self, item: Item) -> None:
+        """Pass it on at once too: nobody reads this inbox, who could be left asleep."""
+        self._pass_on(item)
 
 
 class SimulatedFleet(Fleet):
+    """A fleet whose processes run as tasks of one scheduler."""
+
     def __init__(self, folder: Path, stack: ExitStack) -> None:
         super().__init__(folder, stack)
         self.scheduler = Scheduler()
-        self.network = Network(self.scheduler, "fleet", Delays())
-        self.all = World(self.scheduler, self.network, Random("fleet"), folder)
+        # Schedules have senders pause, to kill them between two messages. These tests do not.
+        self.network = Network(self.scheduler, "fleet", Delays(), pauses=0.0)
+        # The processes, with their disk, and what they log and print.
+        self.simulated_world = World(self.scheduler, self.network, Random("fleet"), folder)
+        # Of the processes that were started.
         self._count = 0
         stack.callback(self._kill_all)
 
     def _kill_all(self) -> None:
-        for process in self.all.processes.values():
+        for process in self.simulated_world.processes.values():
             process.kill()
 
     def client(self) -> "Client":
         return Client(self)
 
     def start(self, module: str, *arguments: str, before: Sequence[str] = ()) -> "Process":
-        assert not before
+        assert not before, "no command comes before that of a simulated process"
         self._count += 1
         name = f"{module.rpartition('.')[2]}_{self._count}"
-        return Process(
-            self,
-            SimulatedProcess(
-                self.all, ProcessSpec(name, module, arguments), arguments, self._count, 0.2
-            ),
+        process = SimulatedProcess(
+            world=self.simulated_world,
+            spec=ProcessSpec(name, module, arguments),
+            order=arguments,
+            pid=self._count,
+            start_seconds=LOADING,
         )
+        return Process(self, process)
 
     def wait(self, is_so: Callable[[], bool], seconds: float = SECONDS) -> bool:
         """Let virtual time pass until a condition holds, for at most so many seconds.
 
         Return whether it holds.
         """
-        with (
-            self.all.entered()
-        ):  # not for longer: pytest has an output of its own for each phase of a test
+        # In this context the world has what is printed and logged, in place of pytest. It ends with
+        # the wait, because pytest changes sys.stdout between the phases of a test.
+        with self.simulated_world.entered():
             self.scheduler.run(is_so, self.scheduler.now + seconds)
         return is_so()
 
@@ -88,15 +99,16 @@ class Process:
         return self._next(self._process.printed)
 
     def error(self) -> str:
-        return (
-            f"{self._process.spec.module.rpartition('.')[2]}:"
-            f" {self._next(self._process.complaints)}"
-        )
+        # As the log of a real process has it.
+        name = self._process.spec.module.rpartition(".")[2]
+        return f"{name}: {self._next(self._process.complaints)}"
 
     def _next(self, lines: list[str]) -> str:
-        assert self._fleet.wait(lambda: bool(lines) or self._process.code is not None), (
-            "the process says nothing"
-        )
+        """Take the first of some lines, once there is one; return "" if the process has ended
+        without.
+        """
+        says_or_ended = self._fleet.wait(lambda: bool(lines) or self._process.code is not None)
+        assert says_or_ended, "the process says nothing"
         return f"{lines.pop(0)}\n" if lines else ""
 
     @property
@@ -165,10 +177,10 @@ class Client(AnyClient):
         self._is_final = False
 
     def _session(self, take: Callable[[Item], None]):
-        self._fleet.network.pauses = 0.0
-        return self._fleet.network.open(
-            f"client_{len(self._fleet.network.sessions)}", PassingInbox(self._fleet.scheduler, take)
-        )
+        """Open a session that passes on what it receives."""
+        network = self._fleet.network
+        name = f"client_{len(network.sessions)}"
+        return network.open(name, PassingInbox(self._fleet.scheduler, take))
 
     def hear(self, key: str) -> Heard:
         heard = Heard(self._fleet)
@@ -178,7 +190,7 @@ class Client(AnyClient):
                 try:
                     heard.put(msgpack.unpackb(item.payload))
                 except (ValueError, UnpackException):
-                    # Of tests that put nonsense.
+                    # Some tests publish payloads that are no msgpack.
                     return
 
         self._session(take).subscribe(key)
@@ -186,9 +198,12 @@ class Client(AnyClient):
 
     def tokens(self, keys: str) -> Heard:
         heard = Heard(self._fleet)
-        self._session(lambda item: heard.put(item.up) if isinstance(item, Alive) else None).watch(
-            keys
-        )
+
+        def take(item: Item) -> None:
+            if isinstance(item, Alive):
+                heard.put(item.up)
+
+        self._session(take).watch(keys)
         return heard
 
     def declare(self, token: str) -> "Token":

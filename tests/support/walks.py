@@ -31,17 +31,20 @@ from orchard.plans.steps import (
 
 @cache
 def outline(kind: str, x: float = 0.0) -> np.ndarray:
-    length = KINDS[kind].length / 2
-    width = KINDS[kind].width / 2
-    along = np.arange(-length, length + 0.01, 0.02)
-    across = np.arange(-width, width + 0.01, 0.02)
-    sides = [np.stack([along, np.full(len(along), y)], axis=1) for y in (-width, width)]
-    ends = [np.stack([np.full(len(across), end), across], axis=1) for end in (-length, length)]
+    """Return points on the sides of a body, 2 cm apart, (k, 2) m: `x` ahead of where it stands."""
+    ahead = KINDS[kind].length / 2
+    aside = KINDS[kind].width / 2
+    # The 1 cm more is less than a step, and lets the last corner be a point too.
+    along = np.arange(-ahead, ahead + 0.01, 0.02)
+    across = np.arange(-aside, aside + 0.01, 0.02)
+    sides = [np.stack([along, np.full(len(along), y)], axis=1) for y in (-aside, aside)]
+    ends = [np.stack([np.full(len(across), end), across], axis=1) for end in (-ahead, ahead)]
     return np.concatenate([*sides, *ends]) + np.array([x, 0.0])
 
 
 @cache
 def train(kind: str) -> np.ndarray:
+    """Return such points of a robot and the bin that it tows."""
     return np.concatenate([outline(kind), outline("bin", -KINDS[kind].tows)])
 
 
@@ -67,10 +70,7 @@ class Area(NamedTuple):
     # That the robot holds.
     places: frozenset[str]
     # Of a drive: where the robot turns onto the next road.
-    end: tuple[float, float] = (
-        np.nan,
-        np.nan,
-    )
+    end: tuple[float, float] = (np.nan, np.nan)
     blind_to: tuple[Box, ...] = ()
 
 

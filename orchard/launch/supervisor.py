@@ -27,7 +27,8 @@ DEATHS = 5  # quick deaths in a row, after which a process is given up
 # Exit code of a process that refuses its arguments, or what it finds. A port may be free again
 # soon.
 BAD_ORDER = 2
-# Quick deaths in a row, after which a process that ends with this code is given up: half a minute.
+# Quick deaths in a row, after which a process that ends with this code is given up: with BACK_OFF
+# that takes half a minute.
 REFUSALS = 9
 BACK_OFF = 0.25  # s before the second restart; twice as long before each further one
 LONGEST_LINE = 2000  # characters of what a process says
@@ -42,6 +43,7 @@ QUICK_TICKS = {RUNTIME: ONE_THREAD}
 # Files that this program may have open at once, beside those for its processes: a run of three
 # processes takes 33 in all.
 OWN_FILES = 56
+# And those that each of its processes takes in it.
 FILES_OF_A_PROCESS = 3
 
 

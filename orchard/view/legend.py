@@ -11,12 +11,13 @@ from orchard.view import palette
 from orchard.view.palette import Colour
 
 LEGEND = "legend"
-# Screen points, all five.
+# All that follows is in screen points.
 LETTER = 7.0  # Width of a letter.
 GAP = 30.0  # Between words.
 MARK = 9.0  # Width of a mark.
 LINE = 26.0  # Height of a line.
 RISE = 12.0  # Rerun writes a label this far below its point.
+
 HEADING: Colour = (200, 200, 205)
 
 
@@ -85,6 +86,7 @@ def _placed() -> tuple[list[Placed], float]:
         for word in line:
             begin = x
             if word.mark:
+                # A mark, and as much room after it.
                 begin += 2 * MARK
             width = LETTER * len(word.text)
             placed.append(Placed(word, x, y, begin + width / 2))
@@ -110,6 +112,7 @@ def log_legend(rec: rr.RecordingStream) -> None:
     rec.log(LEGEND, words, static=True)
     dots = _with_mark("dot")
     middles = [(place.x + MARK / 2, place.y) for place in dots]
+    # Rerun takes negative radii for screen points.
     points = rr.Points2D(middles, colors=_colours(dots), radii=[-MARK / 2])
     rec.log(f"{LEGEND}/dots", points, static=True)
     for mark, form in FORMS.items():

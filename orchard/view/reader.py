@@ -31,14 +31,16 @@ VELOCITIES = "recording/velocities"
 LETTERS = "recording/letters"
 # From Rerun's reader: the file is torn, empty, or without an end.
 UNREADABLE = (RuntimeError, ValueError, Warning)
-# Packing may take this long.
+# s that packing may take.
 PACK_SECONDS = 600
+# Components of a body: the texts of its states, and their colours.
 WORDS = "StateConfiguration:values"
 COLOURS = "StateConfiguration:colors"
-log = logging.getLogger("orchard")
-# Components of MISSING: at the end of a gap, the last tick before it; frames left out.
+# Component of MISSING, at the end of a gap: the last tick before it.
 SINCE = "since"
+# Component of MISSING: how many frames were left out since it was last told.
 LEFT_OUT = "left_out"
+log = logging.getLogger("orchard")
 
 
 class RecordingPart(NamedTuple):

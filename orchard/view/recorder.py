@@ -28,21 +28,23 @@ from orchard.view.reader import LEFT_OUT, LETTERS, MISSING, SCENARIO, SINCE, VEL
 from orchard.view.scenery import log_scenery
 from orchard.view.talk import Talk, gathered, level_of, line_of
 
-CHUNK_TICKS = 10  # A second.
-# In a chunk at most, while more frames wait: a few large chunks cost less than many.
+# Ticks of a chunk, if no more frames wait: a second.
+CHUNK_TICKS = 10
+# Ticks of a chunk, at most, while more frames wait: a few large chunks cost less than many.
 MOST_TICKS = 250
-# To wait for the end of the file: a program that an own agent has started may hold the pipe.
+# s to wait for the end of the file, at most: a program that an own agent has started may hold the
+# pipe.
 END_SECONDS = 30.0
-# Sweeps that are sent together without a live server: a third less to write.
+# Sweeps that are sent together if there is no live server: a third less to write.
 SCANS = 10
 # Of this many beams one is recorded.
 SCAN_BEAMS = 2
 # Positions are rounded to 1/32 m.
 SCAN_GRID = 32.0
-# M above the ground, of laser hits.
+# m above the ground at which laser hits are drawn.
 SCAN_Z = 0.25
 
-# Path -> (name in the legend, colour, width): the plots of the blueprint
+# The plots of the blueprint: path -> name in the legend, colour, and width in screen points.
 SERIES: dict[str, tuple[str, palette.Colour, float]] = {
     "metrics/bins/delivered": ("delivered", (76, 175, 80), 2.5),
     "metrics/bins/full": ("full, not yet unloaded", (235, 120, 40), 4.5),

@@ -27,6 +27,11 @@ MOST_NAMES = 3
 MOST_REMEMBERED = 10_000
 # Points of the line that draws an arc.
 ARC_POINTS = 9
+# m above the ground at which an arc begins and ends: above pickers, carriers and bins.
+ARC_Z = 1.6
+# m by which its middle is higher, and by which it is higher for each metre between its ends.
+LEAST_RISE = 1.0
+RISE_PER_METRE = 0.05
 WARNINGS = ("collision", "refused", "stopped", "nothing recorded", "left out")
 ERRORS = ("lost", "jam")
 LEVELS = {
@@ -199,5 +204,7 @@ def _arc(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     """Return the points of an arc between two poses, (ARC_POINTS, 3) m, float32."""
     along = np.linspace(0.0, 1.0, ARC_POINTS)[:, None]
     flat = start[:2] + along * (end[:2] - start[:2])
-    rise = 0.05 * float(np.hypot(*(end[:2] - start[:2]))) + 1.0
-    return np.concatenate([flat, 1.6 + 4 * rise * along * (1 - along)], axis=1).astype(np.float32)
+    rise = RISE_PER_METRE * float(np.hypot(*(end[:2] - start[:2]))) + LEAST_RISE
+    # A parabola: 4 * along * (1 - along) is 1 in the middle.
+    z = ARC_Z + 4 * rise * along * (1 - along)
+    return np.concatenate([flat, z], axis=1).astype(np.float32)

@@ -20,6 +20,12 @@ from orchard.report.metrics import collisions
 from orchard.sim.kernels import move
 from orchard.sim.physics import step
 
+# m from the middle of a body to its front, and of the tractor to its side.
+PICKER_FRONT = KINDS["picker"].length / 2
+WORKER_FRONT = KINDS["worker"].length / 2
+TRACTOR_FRONT = KINDS["tractor"].length / 2
+TRACTOR_SIDE = KINDS["tractor"].width / 2
+
 
 def test_ten_ticks_at_1_m_per_s_are_1_m():
     moved = yard(("picker", Pose(0, 0, EAST)))
@@ -144,7 +150,9 @@ def test_no_two_solid_things_ever_overlap(courses):
 
 
 def test_what_is_in_the_way_stops_a_body_and_is_told_once():
-    wall = yard(("picker", Pose(0, 0, EAST)), walls=[(1.25 + 0.25 + 0.5, 0, 0.5, 3)])
+    # 0.25 m ahead of the picker, which drives 0.1 m a tick: the third step meets it.
+    fence = (PICKER_FRONT + 0.25 + 0.5, 0, 0.5, 3)
+    wall = yard(("picker", Pose(0, 0, EAST)), walls=[fence])
     wall.drive(5, picker_01=AHEAD)
     assert wall.pose("picker_01").x == pytest.approx(0.2)
     assert not wall.of("twist", "picker_01").any()
@@ -158,7 +166,8 @@ def test_what_is_in_the_way_stops_a_body_and_is_told_once():
 
 
 def test_a_body_may_drive_until_it_touches():
-    touch = yard(("picker", Pose(0, 0, EAST)), ("tractor", Pose(1.25 + 2.5 + 0.3, 0, EAST)))
+    tractor = Pose(PICKER_FRONT + TRACTOR_FRONT + 0.3, 0, EAST)
+    touch = yard(("picker", Pose(0, 0, EAST)), ("tractor", tractor))
     touch.drive(3, picker_01=AHEAD)
     assert touch.pose("picker_01").x == pytest.approx(0.3)
     touch.drive(1, picker_01=AHEAD)
@@ -166,7 +175,8 @@ def test_a_body_may_drive_until_it_touches():
 
 
 def test_robots_and_guests_are_counted_apart():
-    both = yard(("picker", Pose(0, 0, EAST)), ("worker", Pose(1.25 + 0.275, 0, EAST)))
+    touching = Pose(PICKER_FRONT + WORKER_FRONT, 0, EAST)
+    both = yard(("picker", Pose(0, 0, EAST)), ("worker", touching))
     both.drive(2, picker_01=AHEAD, worker_02=Twist(-1.0))
     assert collisions(both.world) == 1
     assert collisions(both.world, PEOPLE + ANIMALS) == 1
@@ -174,14 +184,17 @@ def test_robots_and_guests_are_counted_apart():
 
 def test_who_moves_first_gets_the_place():
     """The gap is 0.15 m, and both bodies want to move 0.1 m into it."""
-    race = yard(("picker", Pose(0, 0, EAST)), ("worker", Pose(1.25 + 0.275 + 0.15, 0, EAST)))
+    x_of_worker = PICKER_FRONT + WORKER_FRONT + 0.15
+    race = yard(("picker", Pose(0, 0, EAST)), ("worker", Pose(x_of_worker, 0, EAST)))
     race.drive(1, picker_01=AHEAD, worker_02=Twist(-1.0))
     assert race.pose("picker_01").x == pytest.approx(0.1)
-    assert race.pose("worker_02").x == 1.25 + 0.275 + 0.15
+    assert race.pose("worker_02").x == x_of_worker
 
 
 def test_a_turn_counts_the_whole_box():
-    near = yard(("tractor", Pose(0, 0, EAST)), walls=[(0, 1.5 + 0.25 + 0.01, 3, 0.25)])
+    # 1 cm beside the tractor: its corner would swing into it.
+    beside = (0, TRACTOR_SIDE + 0.25 + 0.01, 3, 0.25)
+    near = yard(("tractor", Pose(0, 0, EAST)), walls=[beside])
     near.drive(1, tractor_01=TURN_LEFT)
     assert near.pose("tractor_01").yaw == 0.0
     assert near.of("collisions", "tractor_01") == 1

@@ -59,6 +59,7 @@ def picker_with_full_bin() -> Yard:
     return full
 
 
+# A picker picks within 1 m of the lane's centre line. Lanes are 5.5 m apart.
 NOTHING_IS_PICKED = {
     "by one that begins amid a row": partial(picker_with_bin, x=0.0),
     "into a full bin": picker_with_full_bin,
@@ -100,6 +101,7 @@ def test_a_part_inside_a_row_is_picked_up_to_the_edge():
     assert row.of("pose", "picker_01")[0] == pytest.approx(-31.4)
     assert not row.world.row_ends.any()
     row.drive(40, **train(x=0.5))
+    # Inside: from x = -31.3, 65.8 m before the eastern end, to the picker, 6.1 m from the western.
     assert row.world.row_ends[0].tolist() == pytest.approx([0.0, 0.0, 6.1, 65.8])
     assert row.world.row_picked[0] == pytest.approx(1.9)
     assert row.of("fill", "bin_02") == pytest.approx(1.9)

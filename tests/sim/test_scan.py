@@ -119,6 +119,7 @@ def test_a_laser_that_touches_a_box_measures_0():
     assert scan_of(touching)[AHEAD] == 0.0
     inside = world_of(("worker", Pose(0, 0, 0)), walls=[(0.275, 0, 1.0, 2.0)])
     assert scan_of(inside)[0] == pytest.approx(2.0, abs=1e-6)
+    # The beam is half an increment, of pi / 179, left of straight ahead.
     assert scan_of(inside)[AHEAD] == pytest.approx(1.0 / math.cos(math.pi / 358), abs=1e-6)
 
 

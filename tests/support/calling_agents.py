@@ -2,7 +2,7 @@
 
 Some are slow, some fail.
 
-Each function makes the agents for `python -m orchard.processes.agents --agents callers:...`.
+Each function makes the agents for `python -m orchard.processes.agents --agents calling_agents:...`.
 """
 
 import hashlib

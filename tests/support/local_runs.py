@@ -25,8 +25,9 @@ ALONE = dict(
 )
 # A harvest of 7 minutes.
 SHORT = Scenario(rows=3, carriers=1, row_length=30.0, **ALONE)
-# Of the small scenario.
+# The agents of the small scenario.
 AGENTS = 10
+# Ticks of a short run of it.
 TICKS = 120
 # Agents that only call each other.
 TOY = "calling_agents:cast"

@@ -48,8 +48,9 @@ class Sweep:
     heading: str
     # The road that a carrier is on, and the one before: its heading, and its coordinate, m.
     roads: frozenset[Road]
-    # X, y where it begins.
+    # x and y where it begins, m.
     line: tuple[float, float]
+    # x and y where it ends, m.
     end: tuple[float, float]
     # (n, 5): x, y, half length, half width (m), yaw (rad).
     boxes: np.ndarray

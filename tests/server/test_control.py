@@ -178,9 +178,10 @@ def test_quitting_ends_a_run_also_while_it_is_paused(fleet, state):
     fleet.end()
     end = ends.get()
     assert end["why"] == "stopped"
-    assert end["tick"] == tick
-    assert tick == state
-    assert state == "paused"
+    if state == "paused":
+        assert end["tick"] == tick, "no tick passes"
+    else:
+        assert end["tick"] > tick
 
 
 def test_the_end_of_a_run_ends_the_steps_of_a_query(fleet):

@@ -16,7 +16,7 @@ begin, or go on, at the next tick by what they find. Of the others this is what 
     hands a bin over         | by which of the two has the bin, and what the other one has heard
     charges                  | the rest, by the charge; who has no charger waits for one
 
-`begin` puts it together: `robots` for the ops, `lines` for who follows whom, `places` for claims
-and what traffic has granted, `batteries` for who charges, `calls` for bins, carriers that were
-chosen, and the dispatcher.
+`begin` puts it together, from what each robot is `doing`: `robots` for the ops, `lines` for who
+follows whom, `places` for claims and what traffic has granted, `batteries` for who charges, `calls`
+for bins, carriers that were chosen, and the dispatcher.
 """

@@ -92,12 +92,12 @@ class HarvestFigures:
         has_progress = world.has_picked or world.is_any_stopped or world.is_any_plugged
         has_progress |= physics.is_anything_coming(world)
         for name, action in answers.items():
-            done = 0
-            if action is not None:
-                done = action.steps_done
-            # Only haulers count steps. All others have done none.
-            if done != self.steps.get(name, 0) and kind_of(name) in HAULERS:
-                self.steps[name] = done
+            # An agent that gave no action has done no step.
+            if action is None or action.steps_done == self.steps.get(name, 0):
+                continue
+            # Bins count what happens to them, and agents of a user whatever they like.
+            if kind_of(name) in HAULERS:
+                self.steps[name] = action.steps_done
                 has_progress = True
         if has_progress:
             self.progress_tick = world.tick

@@ -7,6 +7,7 @@ from functools import cache
 import pytest
 from stage import Stage, Standing, empty_orchard
 
+from orchard.contract.agent import Action
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.geometry import EAST, Pose
 from orchard.field.layout import lay_out
@@ -54,6 +55,20 @@ def test_a_run_in_which_somebody_works_is_not_jammed(soon_jammed):
     stage = Stage(empty_orchard(picking_speed=0.02))
     stage.run(140)
     assert stage.account.jam == []
+
+
+def test_an_agent_that_is_silent_at_times_makes_no_progress():
+    """A robot that stands, and whose process misses ticks, would keep a run from being jammed."""
+    world = Stage(empty_orchard()).world
+    figures = HarvestFigures()
+    stands = Action(steps_done=3)
+    figures.watch(world, {"carrier_01": stands})
+    for action in (None, stands):
+        world.tick += 1
+        figures.watch(world, {"carrier_01": action})
+    assert figures.progress_tick == 0
+    figures.watch(world, {"carrier_01": Action(steps_done=4)})
+    assert figures.progress_tick == 2
 
 
 @pytest.mark.parametrize(("rows", "jams"), [(20, True), (100, False)])

@@ -37,12 +37,12 @@ from orchard.plans.steps import Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
 if TYPE_CHECKING:
     from orchard.event_model.harvest import EventHarvest
 
-# Times that a picker picks its rows in the means, or a multiple: after two, each row is left at the
-# same ends again.
+# For the mean times of a bin a picker picks its rows so often, or a multiple of it: after two times
+# each row is left at the same ends again.
 ROUNDS = 2
-# Bins that it fills in them at least, if a row does not fill one.
+# Bins that a picker fills at least in that time, if a row does not fill one.
 FULL_BINS = 10
-# Of the bins of another picker, which each one fills at least: in a long run a policy must serve
+# A picker fills at least this share of the bins of any other one: in a long run a policy must serve
 # all.
 LEAST_SHARE = 0.5
 # Of the solver's work: at most about half a second.

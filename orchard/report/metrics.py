@@ -22,19 +22,21 @@ from orchard.sim import physics
 from orchard.sim.state_times import StateTimes
 from orchard.sim.world import World
 
-# Without a metre picked or a step of work finished, in an orchard of up to JAM_METRES from north to
-# south. A carrier drives one step home past all rows, at JAM_SPEED or faster.
+# A run is jammed if for so long no metre was picked and no step of work was finished.
 JAM_SECONDS = 600.0
+# The longest step is a carrier's drive home past all rows. In an orchard that is longer from north
+# to south than so many metres, or whose robots are slower than so many m/s, it takes longer, and a
+# run is jammed later by as much.
 JAM_METRES = 300.0
-JAM_SPEED = 1.0  # m/s
+JAM_SPEED = 1.0
 
 
 @dataclass
 class HarvestFigures:
     """The figures of a run, updated at each tick. All of it is plain data."""
 
-    #: s for which a picker stood until it coupled an empty bin, without its own drive to that
-    #: place.
+    #: s for which a picker stood with a full bin, or without one, until it coupled an empty one.
+    #: The time in which it moves meanwhile, to where it waits, does not count.
     waits: list[float] = field(default_factory=list)
     #: Picker that has filled its bin -> tick since which it stands, or at which the bin was full.
     waiting_since: dict[str, int] = field(default_factory=dict)
@@ -186,7 +188,7 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
     scenario = world.layout.scenario
     bounds, schedule = _ideals(world.layout)
     waits = figures.waits
-    fruit = delivered_full_bins(world.layout, world.delivered, world.delivered_metres)
+    full_bins = delivered_full_bins(world.layout, world.delivered, world.delivered_metres)
     working_day = ""
     days = work_days(scenario, bounds)
     if days is not None:
@@ -203,7 +205,7 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
         "metres_picked": float(sum(world.row_picked.tolist())),
         "bins": world.layout.bins,
         "bins_delivered": world.delivered,
-        "bins_per_hour": _ratio(fruit, hours),
+        "bins_per_hour": _ratio(full_bins, hours),
         "limit_bins_per_hour": bounds.bins_per_hour,
         "schedule_sim_seconds": schedule,
         "bottleneck": bounds.bottleneck,
@@ -224,7 +226,7 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
 
 
 def _ratio(amount: float, whole: float) -> float:
-    """Return a part of a whole as a share of it; 0 if there is nothing of it."""
+    """Return an amount for each one of a whole: a rate, a mean or a share. 0 if the whole is 0."""
     if not whole:
         return 0.0
     return amount / whole
@@ -245,7 +247,8 @@ FIRST_STEP = 100  # ticks between two samples at first: 10 s
 MOST_SAMPLES = 400
 WAITING = [STATES.index(state) for state in WAITING_STATES]
 
-# s since the start; bins; s of all pickers together; s of all carriers together, outside the queue
+# The columns of a history: s since the start; bins; s for which all pickers together have waited; s
+# for which all carriers together have been outside the queue.
 SAMPLED = ("seconds", "bins_delivered", "pickers_waited_seconds", "carriers_busy_seconds")
 # Totals since the start of the run, in the order of SAMPLED.
 Sample = tuple[float, int, float, float]
@@ -291,9 +294,9 @@ def sample_of(world: World, states: StateTimes, busy_ticks: int) -> Sample:
 
 
 def shares(history: Mapping[str, Sequence[float]], name: str, robots: int) -> list[float]:
-    """Return what share of its time a robot spent so, 0 to 1, between samples.
+    """Return between samples the mean share of their time, 0 to 1, that a column says of robots.
 
-    `robots`: how many there are together.
+    `name`: a column of SAMPLED in s of all robots together. `robots`: how many these are.
     """
     times = pairwise([0.0, *history["seconds"]])
     totals = pairwise([0.0, *history[name]])

@@ -214,6 +214,7 @@ def _features_of_points(records: list[_Record], columns: _Columns) -> list[Featu
         records_of[_row_name(record, columns)].append(record)
     if not _are_trees(columns, records_of):
         return [_row_of_points(name, of_row) for name, of_row in records_of.items()]
+    # If no two points have the same name in it, the column names points, as an id does, not rows.
     are_in_rows = columns.row is not None and len(records) > len(records_of)
     trees = []
     for record in records:

@@ -8,6 +8,8 @@ from pydantic import AfterValidator, Field
 from orchard.field.decisions import Decision
 from orchard.field.kinds import BODILESS, KINDS
 
+# Marks of fields, which `schema` and `sections` import from here: who decides the value. `choice`
+# below is something else: a field that is one of some names.
 CHOICE = Decision.CHOICE
 CIRCUMSTANCE = Decision.CIRCUMSTANCE
 MOST_GUESTS = 50  # people together, animals together, weeds

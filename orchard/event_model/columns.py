@@ -131,7 +131,8 @@ ROBOT = np.dtype(
         ("full_bin", np.int64),
         # Tick at which a picker's bin was full, until it has an empty one.
         ("full_since", np.int64),
-        # Tick of its last question.
+        # Of a carrier: tick of its last question whether the picker has taken the empty bin; in the
+        # bay the tick of its first question whether its bin is empty.
         ("asked", np.int64),
         # -- a carrier's job
         ("queue_line", np.int64),
@@ -149,15 +150,18 @@ ROBOT = np.dtype(
         ("hears_later", np.int64),
         ("is_ready", np.bool_),
         ("is_booked", np.bool_),
-        # mm from its line's head when the dispatcher last asked; for a policy in Python m; for a
-        # measure of the user's own its x.
-        ("answer", np.float64),
+        # How far it was from its line's head when the dispatcher last asked, for the compiled
+        # policies and for one in Python.
+        ("millimetres_to_head", np.int64),
+        ("metres_to_head", np.float64),
         # What it told a policy in Python then: whether the dispatcher knows its job, and the bin
         # that it fetches.
         ("is_told", np.bool_),
         ("told_job", np.int64),
-        # Tick at which the bin that it fetches heard that it comes.
-        ("sent", np.int64),
+        # Tick of the report of its bin to which the dispatcher answered that it comes.
+        ("bin_reported", np.int64),
+        # Its x when bins last called, for a route of the user's own that measures the way.
+        ("x_at_call", np.float64),
         # Tick since which it has been outside the queue.
         ("away", np.float64),
         # -- its battery: the charge, 0 to 1, at a tick; the ticks for which it has moved since then
@@ -307,9 +311,10 @@ CALL = np.dtype(
         # Whether the policy has a carrier for it, and whether it will not hear of that.
         ("is_booked", np.bool_),
         ("is_missed", np.bool_),
-        # Whether the policy decides on it now; for a policy in Python the s until it is full, and
-        # then whether it gets a carrier.
+        # Whether the policy decides on it now. Once a policy in Python has decided: whether it gets
+        # a carrier.
         ("is_asked", np.bool_),
+        # s until it is full, for a policy in Python.
         ("seconds", np.float64),
         ("carrier", np.int64),
     ],
@@ -322,9 +327,9 @@ DESK = np.dtype(
         ("now", np.int64),
         ("policy", np.int64),
         ("state", np.int64),
-        # Ticks of the last question to the carriers.
+        # Tick of the last question to the carriers.
         ("asked", np.int64),
-        # s and ticks before it is full at which a bin reports.
+        # s before it is full at which a bin begins to report; the mean speed of picking, m/s.
         ("horizon", np.float64),
         ("mean_speed", np.float64),
         # m/s

@@ -244,7 +244,7 @@ class EventHarvest:
             for end in ends:
                 lane, side = divmod(end, 2)
                 metres = route.distance(
-                    float(robot.answer), float(robot.y), lane + 1, route.sides[SIDES[side]]
+                    float(robot.x_at_call), float(robot.y), lane + 1, route.sides[SIDES[side]]
                 )
                 self.model.distances[carrier, end] = metres
         self.model.desk.knows_ways = True

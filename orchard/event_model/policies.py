@@ -20,7 +20,7 @@ from orchard.field.plugins import MISTAKES, contained, reraise_ctrl_c
 
 # Columns of a call and of a robot that a policy is told.
 OF_BINS = ("is_asked", "bin", "end", "since", "seconds")
-OF_CARRIERS = ("is_told", "told_job", "is_ready", "answer")
+OF_CARRIERS = ("is_told", "told_job", "is_ready", "metres_to_head")
 
 
 class AskedPolicy:

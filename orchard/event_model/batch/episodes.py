@@ -319,7 +319,7 @@ def observe(b, m, i):
         me = m.robots[b.carriers[place]]
         if me.is_told:
             carriers[place, 0] = me.is_ready
-            carriers[place, 1] = me.answer
+            carriers[place, 1] = me.metres_to_head
     tick = m.desk[0].now // c.QUARTERS
     for picker in range(len(m.robots)):
         call = m.calls[picker]

@@ -327,7 +327,7 @@ class CallsOfBins:
         """Set what the policy remembers."""
         for booking in self._bookings.values():
             if booking.is_answered:
-                self._numbers[booking.carrier].more["sent"] = booking.told - ORDERED
+                self._numbers[booking.carrier].more["bin_reported"] = booking.told - REPORTED
         if not self._dispatcher.policy:
             return
         policy = dispatch_of(self._moment.world.layout)
@@ -364,9 +364,8 @@ class CallsOfBins:
         """Set what a carrier has answered to the dispatcher."""
         me = self._model.robots[carrier.number]
         me.is_ready = status.is_next and not me.is_booked
-        if self._harvest.asked_policy is None:
-            me.answer = as_python(kernel.whole_millimetres)(status.metres)
-        else:
-            me.answer = status.metres
+        me.millimetres_to_head = as_python(kernel.whole_millimetres)(status.metres)
+        if self._harvest.asked_policy is not None:
+            me.metres_to_head = status.metres
             me.is_told = not me.is_booked
             me.told_job = self._bins.get(status.job, c.NONE)

@@ -144,6 +144,7 @@ def ask_for_charger(m, carrier):
     end_trip(m, carrier, 0)
     me.queue_line = m.ops[me.op].arg
     me.is_charged = False
+    # It gets a charger once it has stood there for a tick.
     m.timers[c.PARK, carrier] = c.QUARTERS * (max(tick_of(m), me.back) + 1)
 
 

@@ -120,6 +120,7 @@ def next_change(m, carrier, tick):
         soonest = min(soonest, (tick // desk.truck_ticks + 1) * desk.truck_ticks)
     for other in range(len(m.robots)):
         if other != carrier and is_unloading(m, other):
+            # A bin keeps its place in the tick in which it is empty, too.
             soonest = min(soonest, m.timers[c.WAKE, other] // c.QUARTERS + 1)
     return c.QUARTERS * soonest
 

@@ -17,6 +17,7 @@ from orchard.event_model.kernel.places import tick_of
 from orchard.event_model.kernel.reports import (
     HEARD,
     ORDERED,
+    REPORTED,
     begin_call,
     drop_order,
     forgotten_at,
@@ -28,6 +29,16 @@ from orchard.event_model.kernel.reports import (
     seconds_to_full,
 )
 from orchard.field.scenario import TIME_STEP
+from orchard.plans.robot import ASK
+
+# Ticks from a call or a question until carriers hear it.
+BY_CARRIERS = 1
+# Ticks from a call that carriers hear until the chosen one hears that: the bin hears their offers
+# after one tick, and sends for it at once.
+SENT_FOR = 1 + BY_CARRIERS
+# Ticks from an order that a carrier refuses until carriers hear the bin's next call: the bin hears
+# the refusal after one tick, and calls again at once.
+REFUSED = 1 + BY_CARRIERS
 
 
 @inner
@@ -89,7 +100,7 @@ def call_carriers(m, picker, end):
     call.measured = c.NONE
     call.stood_until = c.NONE
     if m.desk[0].policy == c.BY_CALLS:
-        m.timers[c.CALL_HEARD, picker] = c.QUARTERS * (tick + 1)
+        m.timers[c.CALL_HEARD, picker] = c.QUARTERS * (tick + BY_CARRIERS)
     else:
         open_call(m, picker)
 
@@ -99,13 +110,16 @@ def call_carriers(m, picker, end):
 
 @inner
 def asks_ways(m):
-    """Whether Python must first tell how far the free carriers are. Then note where these are."""
+    """Whether Python must first tell how far the free carriers are from the bins that call.
+
+    If so, note where these carriers are.
+    """
     desk = m.desk[0]
     if not desk.asks_ways or desk.knows_ways:
         return False
     for carrier in range(len(m.robots)):
         if m.robots[carrier].is_free:
-            m.robots[carrier].answer = x_now(m, carrier)
+            m.robots[carrier].x_at_call = x_now(m, carrier)
     return True
 
 
@@ -138,13 +152,16 @@ def is_calling(m, picker):
 
 @inner
 def choose(m, picker):
-    """Let a bin send for the carrier that it has chosen, or call again."""
+    """Let a bin send for the carrier that it has chosen, or call again.
+
+    Carriers have heard its call just now: they would hear its next one CALL_AGAIN ticks later.
+    """
     now = m.desk[0].now
     if m.calls[picker].carrier == c.NONE:
         m.timers[c.CALL_HEARD, picker] = now + c.QUARTERS * CALL_AGAIN
     else:
         m.timers[c.CALL_HEARD, picker] = c.NEVER
-        m.timers[c.COME, picker] = now + c.QUARTERS * HEARD
+        m.timers[c.COME, picker] = now + c.QUARTERS * SENT_FOR
 
 
 @inner
@@ -220,11 +237,12 @@ def whole_millimetres(metres):
 
 @inner
 def come(m, picker):
-    """Let a bin send for the carrier that it chose. One that is busy by now is none."""
+    """Let a carrier hear that a bin has chosen it. If it is busy by now, the bin calls again."""
     carrier = m.calls[picker].carrier
     if not is_home(m, carrier):
-        m.timers[c.CALL_HEARD, picker] = m.desk[0].now + c.QUARTERS * 2
+        m.timers[c.CALL_HEARD, picker] = m.desk[0].now + c.QUARTERS * REFUSED
         return
+    # As in `orchard.behaviour.carrier.Carrier.accept`.
     for name in range(len(m.bins)):
         m.offers[carrier, name] = c.NEVER
     start_job(m, carrier, picker)
@@ -258,14 +276,18 @@ def wake_dispatcher(m):
             earliest = min(earliest, call.known_since)
     if earliest == c.NEVER:
         return
-    desk.asked = max(next_poll, earliest + 1)
+    desk.asked = max(next_poll, earliest + REPORTED)
     desk.state = c.ABOUT_TO_ASK
-    m.timers[c.DISPATCH, 0] = c.QUARTERS * (desk.asked + 1)
+    m.timers[c.DISPATCH, 0] = c.QUARTERS * (desk.asked + BY_CARRIERS)
 
 
 @inner
 def dispatch(m):
-    """Hear which carriers can leave, and a tick later let the policy decide."""
+    """Go on with a decision: note what carriers answer, or let the policy decide a tick later.
+
+    Before a policy in Python decides the machine stops (`asks_python`). Python notes the orders,
+    and sets the state DECIDED; then they are carried out here.
+    """
     desk = m.desk[0]
     if desk.state == c.DECIDED:
         carry_out(m)
@@ -278,13 +300,14 @@ def dispatch(m):
             me.is_ready = not me.is_booked and is_home(m, carrier) and can_leave(m, carrier)
             if me.is_ready:
                 # What it answers now counts at the decision.
-                me.answer = millimetres_to_head(m, carrier)
-            # Where a picker is takes long to add up, and nobody asks it.
-            is_asked = me.queue_line != c.NONE
-            if is_asked and is_in_python(m):
+                me.millimetres_to_head = millimetres_to_head(m, carrier)
+            # Of all robots only carriers have a line in the queue. Pickers are not asked: to know
+            # where one is, its way would have to be added up tick by tick.
+            is_carrier = me.queue_line != c.NONE
+            if is_carrier and is_in_python(m):
                 note_answer_in_full(m, carrier)
         desk.state = c.ABOUT_TO_DECIDE
-        m.timers[c.DISPATCH, 0] = c.QUARTERS * (desk.asked + 2)
+        m.timers[c.DISPATCH, 0] = c.QUARTERS * (desk.asked + ASK)
         return
     decide(m)
     desk.state = c.RESTING
@@ -336,14 +359,16 @@ def is_in_python(m):
 def note_answer_in_full(m, carrier):
     """Note what a carrier answers to a policy in Python.
 
-    A carrier that was sent is left out until the dispatcher is told of its job.
+    A carrier that was sent is left out as long as it is booked: until BOOKED_TICKS after the
+    dispatcher heard the report of its bin, and answered it.
     """
     me = m.robots[carrier]
-    heard = m.desk[0].asked + 1 - BOOKED_TICKS
+    decides = m.desk[0].asked + ASK
+    last_that_is_over = decides - BOOKED_TICKS - REPORTED
     has_no_job = is_home(m, carrier)
-    me.is_told = not me.is_booked and (has_no_job or me.sent <= heard)
+    me.is_told = not me.is_booked and (has_no_job or me.bin_reported <= last_that_is_over)
     me.told_job = c.NONE if has_no_job else me.job_bin
-    me.answer = max(0.0, m.desk[0].head - x_now(m, carrier))
+    me.metres_to_head = max(0.0, m.desk[0].head - x_now(m, carrier))
 
 
 @inner
@@ -442,6 +467,7 @@ def rank(m, picker):
         return m.bins[call.bin].full * TIME_STEP - end.seconds, 0.0
     if policy == c.GLOBAL_ASSIGNMENT:
         return end.metres, float(call.since)
+    # FARTHEST_FIRST and PREDICTIVE_FARTHEST.
     return -end.metres, 0.0
 
 
@@ -454,9 +480,15 @@ def nearest_carrier(m):
     best = c.NONE
     for carrier in range(len(m.robots)):
         me = m.robots[carrier]
-        if me.is_ready and (best == c.NONE or me.answer < m.robots[best].answer):
+        if me.is_ready and (best == c.NONE or is_nearer_to_head(m, carrier, best)):
             best = carrier
     return best
+
+
+@inner
+def is_nearer_to_head(m, carrier, other):
+    """Whether one carrier was nearer to its head than another when the dispatcher asked."""
+    return m.robots[carrier].millimetres_to_head < m.robots[other].millimetres_to_head
 
 
 @inner
@@ -483,7 +515,8 @@ def send(m, picker):
         return
     call.is_served = True
     m.robots[call.carrier].is_booked = False
-    m.robots[call.carrier].sent = tick_of(m) - ORDERED - HEARD
+    # The report, whose answer named this carrier, was sent so long before the order is heard.
+    m.robots[call.carrier].bin_reported = tick_of(m) - ORDERED - HEARD
     call.is_open = False
     call.is_booked = False
     start_job(m, call.carrier, picker)

@@ -34,7 +34,6 @@ from orchard.event_model.kernel.roads import (
     tell_followers,
     ticks_to_swing_clear,
 )
-from orchard.event_model.swing import CARRIER
 from orchard.field.scenario import TIME_STEP
 from orchard.plans import driving, failures
 from orchard.plans.robot import ASK, LOOK_AGAIN
@@ -43,9 +42,10 @@ asked_ahead = inner(driving.asked_ahead)
 is_asked_for = inner(failures.is_asked_for)
 is_freed = inner(failures.is_freed)
 
-CARRIER_TOWS = CARRIER.tows
 # As a coordinate: none.
 FAR = 1e18
+# The sign of a distance along the line of a drive, which leads where coordinates grow.
+FORWARD = 1.0
 
 
 @inner
@@ -389,7 +389,7 @@ def next_gate(m, robot):
     while me.next_need < op.last_need:
         gate = m.needs[me.next_need]
         is_ahead = me.here <= gate.at + NEAR and not has_places(m, robot, gate.places)
-        if is_ahead and (not me.fails or is_asked_for(gate.at, me.stop, 1.0)):
+        if is_ahead and (not me.fails or is_asked_for(gate.at, me.stop, FORWARD)):
             break
         me.next_need += 1
     if me.next_need == op.last_need:

@@ -56,6 +56,7 @@ def ask_for_lone_place(m, robot):
         return True
     me.state = c.WAITING_FOR_PARTNER
     tick = tick_of(m)
+    # Traffic hears a claim between its tick and the next one.
     claims = max(tick, me.claimed + PATIENCE)
     set_alarm(m, robot, claims + 1 - tick)
     return False
@@ -72,9 +73,11 @@ def await_partner_gone(m, robot):
     hear_answer(m, robot)
     if is_subset(m.places[place], m.sets[c.ALONE, robot]):
         return True
+    # Traffic has just heard the claim of the last tick.
     me.claimed = tick_of(m) - 1
     if is_alone(m, robot, place):
         me.state = c.LASTING
+        # One of the ticks from the claim to its answer is over.
         set_alarm(m, robot, ASK - 1)
     else:
         set_alarm(m, robot, PATIENCE)

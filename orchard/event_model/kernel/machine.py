@@ -149,6 +149,7 @@ def next_event(m):
     for robot in range(m.timers.shape[1]):
         if m.timers[first, robot] == soonest:
             return first, robot
+    # Never reached, for a robot has the soonest time: the compiler wants a result.
     return 0, 0
 
 

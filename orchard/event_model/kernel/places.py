@@ -133,9 +133,13 @@ def last_claim(m, robot):
 
 @inner
 def ticks_to_answer(m, robot):
-    """Return the ticks until a robot that waits hears the next answer."""
+    """Return the ticks, one or more, until a robot that waits hears the next answer.
+
+    It claims each PATIENCE ticks, and hears each answer ANSWERED ticks after its claim.
+    """
     me = m.robots[robot]
-    return 1 + (max(me.claimed, me.due) + 1 - tick_of(m)) % PATIENCE
+    answered = max(me.claimed, me.due) + ANSWERED
+    return 1 + (answered - 1 - tick_of(m)) % PATIENCE
 
 
 @inner

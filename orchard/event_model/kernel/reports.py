@@ -223,6 +223,8 @@ def plan_order(m, picker, report):
     """
     call = m.calls[picker]
     call.is_missed = report + HEARD >= call.silent_since
+    # In a tick the dispatcher decides before orders happen. So that it finds an order dropped, that
+    # happens in the tick before.
     if not call.is_missed:
         sent = report + HEARD + ORDERED
     elif report < call.silent_since:
@@ -268,6 +270,7 @@ def ticks_left(m, picker, tick):
         return call.full - min(tick, call.failed)
     if tick >= call.stood_until:
         return call.full - tick
-    # Its picker has driven on since.
+    # The picker has picked on since then, so `full` is later by the time for which it stood. At
+    # this tick the bin did not know of that time.
     before = call.full - (call.stood_until - call.stood_since)
     return before - min(tick, call.stood_since)

@@ -30,7 +30,7 @@ ONLY_BIN = KINDS["carrier"].length / 2 + KINDS["carrier"].width / 2 + SIDE_MARGI
 BESIDE = KINDS["carrier"].width / 2 + KINDS["bin"].width / 2 + SIDE_MARGIN
 # Ticks until the robot behind drives on, and one more if it sees the bin, which follows its robot.
 NOTICED = 1
-# m
+# m of rounding: what is nearer counts as reached.
 NEAR = 1e-6
 
 

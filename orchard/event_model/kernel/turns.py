@@ -17,6 +17,7 @@ from orchard.event_model.kernel.roads import (
 )
 from orchard.event_model.swing import ASIDE, CARRIER
 
+# m. Only carriers tow at this distance: it tells them from pickers.
 CARRIER_TOWS = CARRIER.tows
 
 

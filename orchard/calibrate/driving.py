@@ -1,8 +1,9 @@
 """How fast carriers drive, and how long they take at the bay: estimates from a log.
 
 The time from a fetched bin to the unloaded one grows with the way to the bay. Its slope is what a
-metre takes, and the rest is what is handled and waited for. A model that is as fast has its own
-slope and rest, in which what carriers lose to each other is known.
+metre takes, and the rest is what is handled and waited for. Both have a part in which carriers wait
+for each other. A harvest of the event model has such parts too: there they are known, because its
+speed and its time in the bay are. They are taken off.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,11 +17,13 @@ from orchard.calibrate.bins import LoggedBin, Silence
 from orchard.calibrate.estimates import FittedValue, estimate
 from orchard.calibrate.picking import MOST_TIMES_THE_MEDIAN, is_silent
 
-# Drives from which on anything is fitted to them.
+# Fewer drives tell nothing of carriers.
 LEAST_DRIVES = 12
-# m from the shortest way to the longest one, from which on a speed is fitted.
+# m from the shortest way to the longest one. Below that, drives tell the time in the bay, but no
+# speed.
 LEAST_METRES = 20.0
-# The share of resamples with equal ways up to which a speed is fitted.
+# Largest share of resamples without a slope, because all their ways are equal, with which a speed
+# is fitted.
 MOST_UNKNOWN = 0.02
 
 
@@ -146,10 +149,13 @@ def fit_driving(
     # What a metre takes beside driving: robots that wait for each other.
     lost = slope_of_model - 1.0 / model_speed
 
+    # `estimate` gives each of these an `axis`, which is always the last one.
     def speed(metres: np.ndarray, seconds: np.ndarray, axis: int = -1) -> np.ndarray:
+        """Return the speeds that follow from drives, m/s, (...). Both: (..., n)."""
         return 1.0 / (slope_of(metres, seconds) - lost)
 
     def unloading(metres: np.ndarray, seconds: np.ndarray, axis: int = -1) -> np.ndarray:
+        """Return the times in the bay, s, (...), where drives tell their slope."""
         slope = slope_of(metres, seconds)
         rest = seconds.mean(axis=-1) - slope * metres.mean(axis=-1)
         rest_of_model = mean_of_model - slope_of_model * metres_of_model
@@ -157,6 +163,9 @@ def fit_driving(
         return times
 
     def unloading_alone(metres: np.ndarray, seconds: np.ndarray, axis: int = -1) -> np.ndarray:
+        """Return the times in the bay, s, (...), where drives tell no slope: that of the model
+        holds.
+        """
         away = metres.mean(axis=-1) - metres_of_model
         expected = mean_of_model + slope_of_model * away
         times: np.ndarray = seconds.mean(axis=-1) - expected + model_unloading
@@ -170,7 +179,7 @@ def fit_driving(
     else:
         slopes = estimate(float(slope_of(*samples)), samples, slope_of, confidence)
         if slopes.unknown > MOST_UNKNOWN:
-            why = "there are too few drives of other ways"
+            why = "too few drives are of different distances"
         elif slopes.low <= lost:
             why = "times do not grow with the way to the bay for certain"
         else:

@@ -54,7 +54,8 @@ def estimate(
 ) -> FittedValue:
     """Return an estimate with its percentile interval.
 
-    `samples`: (n,) each, resampled together. `statistic`: of resamples, (..., n) each.
+    `samples`: (n,) each, resampled together. `statistic`: of resamples, (..., n) each. scipy gives
+    it their `axis` too, which is always the last one.
     """
     options: dict[str, Any] = {"method": "percentile", "vectorized": True, "axis": -1}
     with catch_warnings():

@@ -1,8 +1,8 @@
 """Fits a scenario to the bins of a log.
 
-What a log does not have directly is fitted by the event model. It writes a log of its own with the
-values fitted so far, and what a bin takes there beside them is taken off the user's log. After
-`ROUNDS` rounds the values no longer change.
+What a log does not have directly is fitted by the event model. The model writes a log of its own
+with the values fitted so far. In that log it is known how long a bin takes other than for picking,
+and that time is taken off the user's log. After `ROUNDS` rounds the values no longer change.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,15 +27,16 @@ from orchard.calibrate.picking import (
 from orchard.field.layout import lay_out
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import NEAREST, Scenario, with_changes
-from orchard.field.scenario.sections import LEAST_CV, Carrying, Handling
+from orchard.field.scenario.sections import LEAST_CV, Carrying, Handling, Spread
 
 ROUNDS = 2
 # Harvests of the model in a round, where the seed matters.
 SEEDS = 3
 # The distribution of what differs, if the scenario does not say one.
 USUAL_SPREAD = "lognormal"
-# Of what does not differ. The coefficient of variation has no effect then: it is the default.
-ALIKE = {"distribution": "none", "cv": 0.3}
+# The section of a scenario in which nothing differs: the schema's defaults, distribution none. Any
+# other cv than its default would be a value that has no effect, which a scenario's file refuses.
+ALIKE = Spread().model_dump()
 
 
 @dataclass(frozen=True)
@@ -123,13 +124,11 @@ def _fit_picking(
             " follows from it"
         )
         raise ScenarioError([Problem(file, text)])
-    rate = 3600.0 / float(PickingTimes(intervals).means.mean())
-    beside = 0.0
-    usual = PickingTimes(intervals)
+    times = PickingTimes(intervals)
     for _ in range(ROUNDS):
-        changes = _rate_values(rate)
+        rate = _rate_of(times)
         with _as_of_the_log(file, rate, advice):
-            model = with_changes(plain, **changes)
+            model = with_changes(plain, **_rate_values(rate))
         of_model = intervals_of(_named_as_in(intervals, model_bins(model)))
         if not of_model:
             text = (
@@ -138,7 +137,6 @@ def _fit_picking(
             )
             raise ScenarioError([Problem(file, text)])
         beside = float(PickingTimes(of_model).means.mean()) - 3600.0 / rate
-        usual = PickingTimes(of_model, beside)
         times = PickingTimes(intervals, beside)
         if float(times.times.min()) <= 0.0:
             text = (
@@ -146,13 +144,19 @@ def _fit_picking(
                 f" this scenario the ways of a picker alone take so long{advice}"
             )
             raise ScenarioError([Problem(file, text)])
-        rate = 3600.0 / float(times.means.mean())
+    rate = _rate_of(times)
     with _as_of_the_log(file, rate, advice):
+        # This only checks that a scenario can have the rate of the last round.
         with_changes(plain, **_rate_values(rate))
     try:
-        return fit_picking(PickingTimes(intervals, beside), usual, confidence)
+        return fit_picking(times, PickingTimes(of_model, beside), confidence)
     except ValueError as error:
         raise ScenarioError([Problem(file, str(error))]) from None
+
+
+def _rate_of(times: PickingTimes) -> float:
+    """Return the rate that follows from picking times, bins/h."""
+    return 3600.0 / float(times.means.mean())
 
 
 def _named_as_in(intervals: Sequence[BinInterval], bins: Sequence[LoggedBin]) -> list[LoggedBin]:
@@ -208,7 +212,7 @@ def _picking_values(base: Scenario, picking: PickingFit, notes: list[str]) -> di
 def _fit_driving(drives: BinDrives, scenario: Scenario, confidence: float) -> DrivingFit | None:
     """Return what the log tells of carriers; None: it has too few drives.
 
-    `scenario`: with what it tells of picking.
+    `scenario`: with what the log tells of picking.
     """
     driving = None
     for _ in range(ROUNDS):
@@ -237,8 +241,8 @@ def driving_values(
 ) -> dict[str, Any]:
     """Return the changes of a scenario by what the log tells of carriers.
 
-    `resample`: that of its resamples that counts; None: the estimate itself. `notes`: get what is
-    beyond the limits of a scenario.
+    `resample`: the number of the resample of the fit that is used; None: the estimate itself.
+    `notes`: get what is beyond the limits of a scenario.
     """
     if notes is None:
         notes = []
@@ -255,7 +259,11 @@ def driving_values(
 
 
 def _within(section: type[BaseModel], name: str, value: float, key: str, notes: list[str]) -> float:
-    """Return a value that a scenario can have. If it is another one, `notes` tell it."""
+    """Return the possible value of a scenario that is nearest to a value.
+
+    If it is not the value itself, `notes` say so. `section`, `name`: the field that has the limits.
+    `key`: the field's path in a scenario.
+    """
     limits = {type(limit).__name__: limit for limit in section.model_fields[name].metadata}
     least = float(limits["Ge"].ge)
     most = float(limits["Le"].le)

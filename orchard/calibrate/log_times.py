@@ -62,6 +62,7 @@ def _is_summer_time(times: Mapping[int, LogTime]) -> bool:
     changes = []
     for before, after in pairwise(in_order):
         if before != after:
+            # Both have one offset.
             changes.append((min(before, key=str), min(after, key=str)))
     if len(changes) != 1:
         return False

@@ -113,8 +113,8 @@ class PickingTimes:
         for number, interval in enumerate(intervals):
             row = interval.row or f"bin {number}"
             rows.setdefault((interval.picker, row), []).append(interval.seconds - beside)
-        #: Pickers in order, and of each row (r,): the place of its picker, and its mean time, s.
         self.pickers = sorted({picker for picker, _ in rows})
+        #: Of each row, (r,): the place of its picker in `pickers`, and its mean time, s.
         self.picker_of = np.array([self.pickers.index(picker) for picker, _ in rows])
         self.times = np.array([fmean(seconds) for seconds in rows.values()])
         self._bins = [np.array(seconds) for seconds in rows.values()]
@@ -222,11 +222,12 @@ class PickingFit:
     count: int
 
 
-def fit_picking(times: PickingTimes, usual: PickingTimes, confidence: float) -> PickingFit:
-    """Return how fast pickers pick. `usual`: the times of a model in which nothing differs.
+def fit_picking(times: PickingTimes, of_model: PickingTimes, confidence: float) -> PickingFit:
+    """Return how fast pickers pick.
 
-    What its rows and bins differ, because ways are longer or shorter, is taken off. Raises
-    ValueError if there are too few times.
+    `of_model`: the times of a model in which all rows and bins are picked alike. They still differ,
+    because a picker's ways are longer or shorter, and as much is taken off what those of the log
+    differ. Raises ValueError if there are too few times.
     """
     if len(times.factors) < LEAST_FACTORS:
         raise ValueError(
@@ -234,18 +235,22 @@ def fit_picking(times: PickingTimes, usual: PickingTimes, confidence: float) -> 
             f" {len(times.factors)} rows of pickers with two rows or more; must have"
             f" {LEAST_FACTORS} such rows at least (a bin without a row counts as one)"
         )
-    rows_of_model = max(0.0, float(usual.rows_variance(usual.times)))
+    rows_of_model = max(0.0, float(of_model.rows_variance(of_model.times)))
 
+    # `estimate` gives each of these an `axis`, which is always the last one.
     def rate(factors: np.ndarray, axis: int = -1) -> np.ndarray:
+        """Return the rates, bins/h, (...), with resampled factors of rows, (..., f)."""
         rates: np.ndarray = 3600.0 / times.means_of(times.drawn(factors)).mean(axis=-1)
         return rates
 
     def between_rows(factors: np.ndarray, axis: int = -1) -> np.ndarray:
+        """Return what rows differ by, (...), less what those of the model do."""
         variance = times.rows_variance(times.drawn(factors)) - rows_of_model
         spreads: np.ndarray = np.sqrt(np.maximum(0.0, variance))
         return spreads
 
     def between_pickers(factors: np.ndarray, axis: int = -1) -> np.ndarray:
+        """Return what pickers differ by, (...)."""
         variance = times.pickers_variance(times.drawn(factors))
         spreads: np.ndarray = np.sqrt(np.maximum(0.0, variance))
         return spreads
@@ -261,17 +266,17 @@ def fit_picking(times: PickingTimes, usual: PickingTimes, confidence: float) -> 
         rate=estimate(3600.0 / float(times.means.mean()), samples, rate, confidence),
         between_rows=estimate(math.sqrt(max(0.0, of_rows)), samples, between_rows, confidence),
         between_pickers=pickers,
-        between_bins=_between_bins(times, usual),
+        between_bins=_between_bins(times, of_model),
         rates=dict(zip(times.pickers, (3600.0 / times.means).tolist(), strict=True)),
         count=times.count,
     )
 
 
-def _between_bins(times: PickingTimes, usual: PickingTimes) -> float | None:
+def _between_bins(times: PickingTimes, of_model: PickingTimes) -> float | None:
     """Return how the bins of a row differ; None if no row has several."""
     if math.isnan(times.bins_variance):
         return None
-    of_model = usual.bins_variance
-    if math.isnan(of_model):
-        of_model = 0.0
-    return math.sqrt(max(0.0, times.bins_variance - of_model))
+    bins_of_model = of_model.bins_variance
+    if math.isnan(bins_of_model):
+        bins_of_model = 0.0
+    return math.sqrt(max(0.0, times.bins_variance - bins_of_model))

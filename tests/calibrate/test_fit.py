@@ -229,7 +229,7 @@ def test_a_single_drive_of_another_way_tells_no_speed():
     model = BinDrives(np.array([30.0, 120.0]), np.array([40.0, 130.0]))
     driving = fit_driving(BinDrives(metres, seconds), model, 1.0, 10.0, 0.95)
     assert driving.speed is None
-    assert driving.why == "there are too few drives of other ways"
+    assert driving.why == "too few drives are of different distances"
 
 
 def test_a_resample_of_equal_ways_leaves_an_interval():

@@ -132,7 +132,7 @@ class PolicyProcess:
         begin = Begin(seen.model_dump_json(), self._limits.processor_seconds)
         answer = self._answer(begin, self._limits.begin_seconds, "to begin")
         if isinstance(answer, Fault):
-            # Its process has ended.
+            # The harvest's process has ended. The policy's process begins anew for the next one.
             self.stop()
             raise PolicyRefused(printable(answer.text, 1000))
         if not isinstance(answer, Ready):
@@ -161,13 +161,13 @@ class PolicyProcess:
             raise self._fault(str(error)) from None
 
     def end(self) -> None:
-        """Over the harvest. Raises PolicyFault, TooSlow or AskingStopped."""
+        """End the harvest. Raises PolicyFault, TooSlow or AskingStopped."""
         answer = self._answer(Over(), self._limits.begin_seconds, "to end")
         if not isinstance(answer, Done):
             raise self._fault("it gave another answer than that it is done")
 
     def stop(self) -> None:
-        """Over the process, with all that it has started in its group."""
+        """End the process, with all that it has started in its group."""
         if self._process is None:
             return
         with suppress(ProcessLookupError):

@@ -11,9 +11,10 @@ from orchard.study.benchmark.instances import Instance, instance_of
 from orchard.study.settings import Setting
 from orchard.study.workers import Workers
 
-# Of an orchard in which something is random.
+# Seeds of an orchard in which something is random.
 SEEDS = 6
-# Of the solver: in an orchard with more rows than these, a search takes several times as long.
+# The work of the solver for a proof, as `optimum` takes it. An orchard with more than
+# MOST_SMALL_ROWS rows gets less: there the same work takes several times as long.
 WORK = 1.0
 WORK_IN_LARGE = 0.3
 MOST_SMALL_ROWS = 12
@@ -38,7 +39,8 @@ def bounds_of(scenario: Scenario) -> dict[int, float]:
         work = WORK_IN_LARGE
     rows_are_drawn = scenario.picking.spread.distribution != "none"
     for seed in seeds_of(scenario):
-        # A bound leaves failures out. So only the rows' times make one seed's another's.
+        # A bound leaves failures out, and people too. So seeds have bounds of their own only where
+        # they draw the times of rows.
         if rows_are_drawn or not proven:
             seeded = lay_out(with_changes(scenario, seed=seed))
             proven[seed] = optimum(seeded, work).proven_seconds

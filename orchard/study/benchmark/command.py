@@ -22,10 +22,10 @@ from orchard.study.benchmark.asked import Limits
 from orchard.study.benchmark.bounds import hidden_instances, secret_of
 from orchard.study.benchmark.confined import can_hide
 from orchard.study.benchmark.families import FAMILIES, commitment, name_of
+from orchard.study.benchmark.hidden_draws import hidden_scenarios
 from orchard.study.benchmark.instances import Instance, instances
 from orchard.study.benchmark.scores import Benchmark, BenchmarkResult
 from orchard.study.benchmark.submission import Submission, problems_of, read_submission
-from orchard.study.benchmark.telling import hidden_scenarios
 from orchard.study.command_options import BenchmarkOptions
 from orchard.study.kinds_of_files import SUBMISSION
 from orchard.study.options import StudyOptions

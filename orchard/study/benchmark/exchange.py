@@ -1,9 +1,13 @@
 """What the benchmark and the process of a policy say to each other: msgpack over two pipes.
 
-The benchmark names the policy (`Load`), begins a harvest with the orchard in which nothing is drawn
-(`Begin`), asks for each decision (`Ask`), and ends the harvest (`Over`). It hears `Ready`, then for
-each question `Orders`, and at the end `Done`; or what is wrong (`Fault`), that the policy has ended
-its process (`Gone`), or that it has used up its time of the processor (`Spent`).
+The benchmark names the policy (`Load`), begins a harvest (`Begin`), asks for each decision (`Ask`),
+and ends the harvest (`Over`). The orchard that it sends has nothing random in it: see
+`nothing_drawn`. What the seed draws is hidden from the policy.
+
+The process of a policy forks a process for each harvest. That one answers `Ready`, then to each
+question `Orders`, or what is wrong (`Fault`). Once it has ended, the policy's process says how:
+because the harvest was over, or at fault (`Done`), because the policy ended it (`Gone`), or because
+the policy has used up its time of the processor (`Spent`).
 """
 
 from typing import BinaryIO
@@ -29,7 +33,7 @@ class Load(msgspec.Struct, tag=True, frozen=True):
 class Begin(msgspec.Struct, tag=True, frozen=True):
     """Begin a harvest."""
 
-    #: As JSON. Nothing is drawn in it.
+    #: As JSON, without all that the seed draws: as `nothing_drawn` returns it.
     scenario: str
     #: Processor time that the policy may take in all of the harvest, s.
     processor_seconds: int
@@ -66,7 +70,7 @@ class Orders(msgspec.Struct, tag=True, frozen=True):
 
 
 class Done(msgspec.Struct, tag=True, frozen=True):
-    """The process of the harvest has ended, as it was told."""
+    """The process of the harvest has ended by itself: the harvest was over, or at fault."""
 
 
 class Fault(msgspec.Struct, tag=True, frozen=True):
@@ -76,16 +80,16 @@ class Fault(msgspec.Struct, tag=True, frozen=True):
 
 
 class Gone(msgspec.Struct, tag=True, frozen=True):
-    """The policy has ended its process."""
+    """The policy has ended the process of the harvest."""
 
     #: The exit code; below 0, the signal that ended it.
     code: int
 
 
 class Spent(msgspec.Struct, tag=True, frozen=True):
-    """The policy has used up its processor time, and was ended."""
+    """The policy has used up its processor time, and the process of the harvest was ended."""
 
-    #: What it had, s.
+    #: The time that the policy had, s.
     processor_seconds: int
 
 

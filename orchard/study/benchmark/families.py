@@ -1,7 +1,7 @@
 """The orchards of a split, drawn from a secret.
 
 Everybody knows the secrets of the public splits. That of the hidden split is the organiser's, who
-publishes it after the last submission. The same secret gives the same orchards: see `telling`.
+publishes it after the last submission. The same secret gives the same orchards: see `hidden_draws`.
 """
 
 import hashlib

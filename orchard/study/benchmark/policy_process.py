@@ -35,8 +35,9 @@ from orchard.study.benchmark.exchange import (
 )
 from orchard.study.benchmark.seen import layout_seen
 
-# Exit code of a harvest's process that was told to end.
-TOLD_TO_END = 77
+# Exit code of a harvest's process that has come to its own end. A policy that ends the process is
+# unlikely to take the same.
+OWN_END = 77
 # Bytes that a policy may write into: a machine of the size of today's laptops has them.
 MOST_MEMORY = 4 * 2**30
 # s of the processor after which a harvest's process ends that ignores the signal of its limit.
@@ -61,14 +62,10 @@ def main() -> None:
         if isinstance(question, Load):
             confine([Path(name) for name in question.hidden])
             # What is wrong with it is told when it is made.
-            with suppress(*_passed_over()):
+            with suppress(MISTAKES):
                 import_own(question.policy.replace(":", ".").rpartition(".")[0])
         elif isinstance(question, Begin):
             _in_fork(question, questions, answers)
-
-
-def _passed_over() -> tuple[type[BaseException], ...]:
-    return (MISTAKES,)
 
 
 def _in_fork(begin: Begin, questions: BinaryIO, answers: BinaryIO) -> None:
@@ -82,15 +79,15 @@ def _in_fork(begin: Begin, questions: BinaryIO, answers: BinaryIO) -> None:
         limit(resource.RLIMIT_CPU, begin.processor_seconds, DEAF_SECONDS)
         with suppress(BrokenPipeError):
             _harvest(scenario, questions, answers)
-        os._exit(TOLD_TO_END)
+        os._exit(OWN_END)
     _, status, used = os.wait4(child, 0)
     code = os.waitstatus_to_exitcode(status)
     # The limit holds for each process. So what the processes used that it forked and waited for
     # is known at the end only.
     is_spent = used.ru_utime + used.ru_stime > begin.processor_seconds
-    if code == -signal.SIGXCPU or (is_spent and code == TOLD_TO_END):
+    if code == -signal.SIGXCPU or (is_spent and code == OWN_END):
         answers.write(framed(Spent(begin.processor_seconds)))
-    elif code == TOLD_TO_END:
+    elif code == OWN_END:
         answers.write(framed(Done()))
     else:
         answers.write(framed(Gone(code)))

@@ -127,7 +127,7 @@ def _usual_factors(scenario: Scenario) -> Iterator[Factor]:
     for key, share in SHARES.items():
         value = _known_value(scenario, key)
         is_other_way = any(spelling in taken for spelling in other_ways(key))
-        if value is None or is_other_way or not _has_effect(scenario, key):
+        if value is None or is_other_way or not _is_in_use(scenario, key):
             continue
         least, most = _limits(key)
         # What stands at its limit is a default that nobody has measured.
@@ -137,11 +137,12 @@ def _usual_factors(scenario: Scenario) -> Iterator[Factor]:
         yield _moved(key, value, share)
 
 
-def _has_effect(scenario: Scenario, key: str) -> bool:
-    """Whether the scenario depends on a value that is moved if the user names none."""
+def _is_in_use(scenario: Scenario, key: str) -> bool:
+    """Whether a scenario uses a value of SHARES, and does not take another one in its place."""
     if key in _OF_SPREADS:
         return bool(value_at(scenario, _OF_SPREADS[key]) != "none")
-    # Each row fills a bin if nothing says what does. A rate that is not set follows from the speed.
+    # These have a number even where they are not set: one that follows from other values. Then the
+    # length of a row says what a bin holds, and the speed of picking says the rate.
     follows = key in ("metres_per_bin", "bins_per_row", "picking_rate")
     return not follows or value_at(scenario, key) is not None
 
@@ -153,8 +154,8 @@ def _factor_of(scenario: Scenario, key: str, word: str) -> Factor:
         raise FactorError(FORM)
     if key == SEED:
         raise FactorError("the luck of the seed is told in any case; leave it out")
-    if _is_unknown(key):
-        # It says what is meant.
+    if _is_unknown_in_section(key):
+        # This only raises: the error names the keys that there are, and the one that is meant.
         with_changes(scenario, **{key: 1})
     value = _known_value(scenario, key)
     if not _takes_numbers(key):
@@ -211,22 +212,27 @@ def _moved(key: str, value: float, share: float) -> Factor:
 
 
 def _rounded(value: float) -> float:
+    """Return a value to DIGITS digits."""
     return float(f"{value:.{DIGITS}g}")
 
 
 def _demand_effect(scenario: Scenario, factor: Factor) -> None:
-    """Raise FactorError if the result is the same wherever a value stands in its range."""
-    usual = _known_value(Scenario(), factor.key)
-    texts = []
+    """Raise FactorError if the result is the same wherever a value stands in its range.
+
+    That is so if no end of the range has an effect. An end that is the schema's default tells
+    nothing, because a default is never said to have no effect. It is left out. The ends differ, so
+    one of them is always asked.
+    """
+    default = _known_value(Scenario(), factor.key)
+    faults = []
     for end in (factor.value(0.0), factor.value(1.0)):
-        # That a default has no effect is no fault of the scenario.
-        if end != usual:
-            texts.append(_in_vain(scenario, factor.key, end))
-    if all(texts):
-        raise FactorError(texts[0])
+        if end != default:
+            faults.append(_why_in_vain(scenario, factor.key, end))
+    if all(faults):
+        raise FactorError(faults[0])
 
 
-def _in_vain(scenario: Scenario, key: str, value: float) -> str:
+def _why_in_vain(scenario: Scenario, key: str, value: float) -> str:
     """Return why a value has no effect, and what would give it one; '' if it has."""
     try:
         changed = with_changes(scenario, **{key: value})
@@ -237,8 +243,9 @@ def _in_vain(scenario: Scenario, key: str, value: float) -> str:
         with_effect(changed, "--vary")
     except ScenarioError as error:
         for problem in error.problems:
-            first, *needed = problem.path.split(", ")
-            if first == key:
+            # `with_effect` names the value that has no effect, and then those that it needs.
+            without_effect, *needed = problem.path.split(", ")
+            if without_effect == key:
                 return f"{problem.text}; set {' and '.join(needed)}"
     return ""
 
@@ -265,6 +272,7 @@ def _known_value(scenario: Scenario, key: str) -> float | None:
     except AttributeError:
         return None
     if value is None:
+        # A value that is not set may follow from others.
         value = scenario.chosen.get(key)
     if not is_number(value):
         return None
@@ -290,16 +298,21 @@ def _field(key: str) -> FieldInfo | None:
     return field
 
 
-def _is_unknown(key: str) -> bool:
-    """Whether a section has no such key, or there is no such section."""
+def _is_unknown_in_section(key: str) -> bool:
+    """Whether a section has no such key, or there is no such section.
+
+    Not so for a key below a value that is no section, such as `rows.x`: an error of `with_changes`
+    would be about `rows`, which is right. Such a key takes no numbers, and that is said of it.
+    """
     if _field(key) is not None:
         return False
-    section = key.rpartition(".")[0]
-    while section and _field(section) is None:
-        section = section.rpartition(".")[0]
+    # The longest beginning of the path that is known.
+    known = key.rpartition(".")[0]
+    while known and _field(known) is None:
+        known = known.rpartition(".")[0]
     kind: Any = Scenario
-    if section:
-        kind = _kind(section)
+    if known:
+        kind = _kind(known)
     return isinstance(kind, type) and issubclass(kind, BaseModel)
 
 
@@ -317,6 +330,7 @@ def _takes_numbers(key: str) -> bool:
 
 
 def _is_whole(key: str) -> bool:
+    """Whether the values of a key are numbers of things."""
     return _kind(key) in (int, int | None)
 
 

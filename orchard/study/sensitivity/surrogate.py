@@ -27,6 +27,7 @@ RESAMPLES = 400
 POINTS_A_TERM = 1.5
 # A square or a product stays in the fit if it is so many times as large as its error.
 TELLS = 2.0
+# They differ only in their seeds: to know that luck two are needed at least.
 RUNS_OF_A_POINT = 2
 # A point that alone decides a term is missed by no fit.
 MOST_WEIGHT = 0.99
@@ -114,7 +115,7 @@ def shares_of(
     places = _places(factors, points)
     means = np.array([np.mean(of_point) for of_point in results])
     terms = _Terms(_terms_of(len(factors), degree))
-    terms = _telling(terms, places, means)
+    terms = _beyond_errors(terms, places, means)
     sampler = qmc.Sobol(2 * len(factors), scramble=True, rng=np.random.default_rng([seed, SAMPLE]))
     fit = _Fit(factors, terms, places, sampler)
     random = np.random.default_rng([seed, RESAMPLE])
@@ -141,7 +142,7 @@ def _luck(results: Sequence[Sequence[float]]) -> Array:
     return np.array(variances)
 
 
-def _telling(terms: _Terms, places: Array, means: Array) -> _Terms:
+def _beyond_errors(terms: _Terms, places: Array, means: Array) -> _Terms:
     """Return the terms without the squares and products that are no larger than their errors.
 
     What they would fit is luck, and would count as an effect.

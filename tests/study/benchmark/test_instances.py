@@ -11,7 +11,7 @@ import second_reader
 from orchard.field.layout import lay_out
 from orchard.field.scenario import check
 from orchard.optimum.schedule import optimum
-from orchard.study.benchmark import telling
+from orchard.study.benchmark import hidden_draws
 from orchard.study.benchmark.bounds import hidden_instances, secret_of
 from orchard.study.benchmark.families import (
     FAMILIES,
@@ -19,10 +19,10 @@ from orchard.study.benchmark.families import (
     commitment,
     scenarios_of,
 )
+from orchard.study.benchmark.hidden_draws import EARLY, hidden_scenarios, separates_policies
 from orchard.study.benchmark.instances import SET, as_file, instance_of, instances
 from orchard.study.benchmark.search import searched
 from orchard.study.benchmark.submission import ROUNDING, replayed
-from orchard.study.benchmark.telling import EARLY, hidden_scenarios, tells_apart
 from orchard.study.workers import Workers
 
 FOLDER = Path(str(files("orchard.study.benchmark"))) / SET
@@ -134,17 +134,17 @@ TYING = (b"secret number 0 of the test", "load-out-hidden")
 def test_a_hidden_orchard_in_which_all_tie_is_drawn_again():
     """It would tell nothing. Who has the secret draws the same again, and is told."""
     secret, name = TYING
-    assert not tells_apart(check(scenarios_of("hidden", secret)[name], name))
+    assert not separates_policies(check(scenarios_of("hidden", secret)[name], name))
     told = []
     drawn = hidden_scenarios(secret, [name], told.append)
     assert drawn == hidden_scenarios(secret, [name], told.append)
-    assert tells_apart(check(drawn[name], name))
+    assert separates_policies(check(drawn[name], name))
     assert told[0] == told[1]
     assert "load-out-hidden: all early policies did the same in the orchard that the s" in told[0]
 
 
 def test_an_orchard_that_always_ties_is_told(monkeypatch):
-    monkeypatch.setattr(telling, "tells_apart", lambda scenario: False)
+    monkeypatch.setattr(hidden_draws, "separates_policies", lambda scenario: False)
     told = []
     assert [*hidden_scenarios(b"0123456789abcdef", ["tiny-hidden"], told.append)] == ["tiny-hidden"]
     assert told == ["tiny-hidden: all early policies do the same in each of its 20 draws."]

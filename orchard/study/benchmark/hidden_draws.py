@@ -1,4 +1,4 @@
-"""Draws the orchards of the hidden split, each so that it tells early policies apart."""
+"""Draws the orchards of the hidden split, each so that early policies do unlike harvests in it."""
 
 from collections.abc import Callable, Container
 from typing import Any
@@ -20,18 +20,18 @@ def hidden_scenarios(
 ) -> dict[str, dict[str, Any]]:
     """Return the scenarios of the hidden split that are wanted, by name, each with its first seed.
 
-    An orchard in which all early policies do the same is drawn again; `tell` hears so. The event
-    model decides that, so other versions of this program may draw others.
+    An orchard in which all early policies do the same is drawn again; `tell` gets a sentence about
+    it. The event model decides that, so other versions of this program may draw others.
     """
     drawn = {}
     for family in FAMILIES:
         name = name_of(family, "hidden")
         if name in wanted:
-            drawn[name] = _telling(family, secret, tell)
+            drawn[name] = _first_that_separates(family, secret, tell)
     return drawn
 
 
-def tells_apart(scenario: Scenario) -> bool:
+def separates_policies(scenario: Scenario) -> bool:
     """Whether early policies take unlike times in an orchard, with one of its seeds at least."""
     for seed in seeds_of(scenario):
         times = set()
@@ -43,12 +43,14 @@ def tells_apart(scenario: Scenario) -> bool:
     return False
 
 
-def _telling(family: str, secret: bytes, tell: Callable[[str], None]) -> dict[str, Any]:
-    """Return the first draw of a family that tells policies apart; the last one if none does."""
+def _first_that_separates(
+    family: str, secret: bytes, tell: Callable[[str], None]
+) -> dict[str, Any]:
+    """Return the first draw of a family that separates policies; the last one if none does."""
     name = name_of(family, "hidden")
     for again in range(MOST_DRAWS):
         values = scenario_of(family, "hidden", secret, again)
-        if tells_apart(check(values, name)):
+        if separates_policies(check(values, name)):
             if again > 0:
                 tell(
                     f"{name}: all early policies did the same in the orchard that the secret draws"

@@ -16,6 +16,7 @@ from chaos.simulated.observer import Observer
 from chaos.simulated.plan import CLIENT, RUN_PY, Fault, Plan, draw
 from chaos.simulated.scenes import SCENES
 from chaos.simulated.trial import carry_out
+from chaos.simulated.written import first_difference
 from orchard.contract.events import Event
 from orchard.futures.moments import WatchedRun
 from orchard.record.logger import FrameQueue
@@ -280,6 +281,16 @@ def test_a_tick_that_is_twice_in_a_table_is_found():
     with patch.object(BodyRows, "keep", twice):
         complaints = carry_out(plan).complaints
     assert any(complaint.startswith("tables: ") for complaint in complaints)
+
+
+def test_a_wrong_event_in_a_table_is_named_where_counts_agree():
+    found = [(5, "bin full", "picker_01"), (9, "coupled", "picker_01")]
+    wanted = [(5, "bin full", "picker_01"), (9, "coupled", "picker_02")]
+    assert first_difference(found, wanted) == (
+        "(9, 'coupled', 'picker_01'), not (9, 'coupled', 'picker_02')"
+    )
+    assert first_difference(found, found[:1]) == "(9, 'coupled', 'picker_01'), not None"
+    assert first_difference(found, found) == ""
 
 
 @pytest.mark.parametrize("count", [0, 2])

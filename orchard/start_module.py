@@ -2,6 +2,8 @@
 
     python -P orchard/start_module.py orchard.processes.physics -
 
+All after the module are its arguments; this `-` tells physics that its options come over stdin.
+
 `python -m` puts the folder in which it runs before Python's own ones: a file random.py of a user
 would be taken for Python's. Here the package is found by the place of this file, and no folder is
 added. `orchard.field.plugins` adds the user's folder, at the end, when a class is named.
@@ -21,7 +23,9 @@ def command_for(module: str, arguments: Sequence[str]) -> list[str]:
 
 
 def load_package() -> None:
-    """Load this package from the place of this file, wherever Python would find it."""
+    """Load this package from the place of this file, even if Python would find one of its name
+    elsewhere.
+    """
     package = Path(__file__).resolve().parent
     if package.name in sys.modules:
         return

@@ -21,9 +21,9 @@ def test_the_first_harvest_gives_a_first_answer():
 
 
 def test_harvests_that_are_nearly_the_same_need_few():
-    estimate = FleetEstimate(EVEN, [FastHarvest(9.0, 100.0)] * 3)
+    estimate = FleetEstimate(EVEN, [FastHarvest(bins_per_hour=9.0, seconds=100.0)] * 3)
     assert not estimate.is_done
-    estimate.samples.append(FastHarvest(9.01, 100.0))
+    estimate.samples.append(FastHarvest(bins_per_hour=9.01, seconds=100.0))
     assert estimate.is_done
     assert 0.0 < estimate.unsure < 0.005
 
@@ -41,9 +41,10 @@ def test_what_is_unsure_shrinks_with_each_harvest():
 
 
 def test_an_estimate_comes_to_an_end():
-    estimate = FleetEstimate(
-        SPREAD, [FastHarvest(9.0 + number % 2, 100.0) for number in range(MOST_HARVESTS)]
-    )
+    unlike = []
+    for number in range(MOST_HARVESTS):
+        unlike.append(FastHarvest(bins_per_hour=9.0 + number % 2, seconds=100.0))
+    estimate = FleetEstimate(SPREAD, unlike)
     assert estimate.is_done
 
 

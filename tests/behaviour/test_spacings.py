@@ -7,15 +7,15 @@ from stage import Stage
 
 from orchard.field.queue import queue_of
 from orchard.field.scenario import DISPATCH_POLICIES, ROW_RULES, Animals, People, Scenario
+from orchard.field.survey import row_width_of
 
 ROUTES = ("one-way", "two-way")
 HARVESTS = 500
-# Each such harvest is dense with people and animals.
+# One harvest in so many is dense with people and animals.
 DENSE = 5
-# From lane to lane, in steps of 5 cm: 3.65 to 12.5 m.
+# Spacings from lane to lane, in units of STEP: 3.65 to 12.5 m.
 STEPS = range(73, 251)
-# m, from a lane to the trees on both sides.
-TREES = 0.5
+STEP = 0.05  # m
 
 
 def spaced(number: int) -> Scenario:
@@ -23,7 +23,11 @@ def spaced(number: int) -> Scenario:
     chance = Random(f"spacings/{number}")
     route = ROUTES[number % 2]
     length = float(chance.randint(20, 60))
-    room = [carriers for carriers in range(1, 41) if queue_of(route, length, 0.0, carriers)]
+    # Numbers of carriers for which the route has a queue.
+    possible = []
+    for carriers in range(1, 41):
+        if queue_of(route, length, bay=0.0, carriers=carriers):
+            possible.append(carriers)
     rows = chance.randint(3, 9)
     people = People(workers=0, visitors=0)
     animals = Animals(dogs=0, cats=0)
@@ -33,8 +37,8 @@ def spaced(number: int) -> Scenario:
     return Scenario(
         rows=rows,
         pickers=chance.randint(2, rows),
-        row_width=round(chance.choice(STEPS) * 0.05 - TREES, 2),
-        carriers=chance.choice(room),
+        row_width=row_width_of(chance.choice(STEPS) * STEP),
+        carriers=chance.choice(possible),
         row_length=length,
         route=route,
         dispatch=chance.choice(DISPATCH_POLICIES),
@@ -66,5 +70,5 @@ def test_a_harvest_at_any_spacing_ends(number: int) -> None:
 @pytest.mark.soak
 @pytest.mark.parametrize("number", range(HARVESTS))
 def test_soak_a_harvest_at_any_spacing_ends(number: int) -> None:
-    """Each fifth of these orchards is dense with people."""
+    """One in five of these orchards is dense with people."""
     harvest_to_the_end(number)

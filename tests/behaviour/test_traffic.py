@@ -196,14 +196,15 @@ def random_scenario(number: int) -> Scenario:
     route = chance.choice([ONE_WAY, TWO_WAY])
     length = chance.choice([70.0, round(chance.uniform(20.0, 200.0), 1)])
     bay = chance.choice([0.0, round(chance.uniform(0.0, 60.0), 1)])
-    most = [carriers for carriers in range(1, 41) if queue_of(route, length, bay, carriers)]
-    if not most:
+    possible = [carriers for carriers in range(1, 41) if queue_of(route, length, bay, carriers)]
+    if not possible:
+        # There is no room for a queue. Another one is drawn, of a number that no test has.
         return random_scenario(number + 1000)
     return Scenario(
         rows=rows,
         pickers=chance.randint(2, rows),
         row_width=round(chance.choice([chance.uniform(3.15, 5.0), chance.uniform(5.0, 12.0)]), 2),
-        carriers=chance.choice(most),
+        carriers=chance.choice(possible),
         row_length=length,
         bay=bay,
         route=route,
@@ -228,16 +229,15 @@ def large_scenario(number: int) -> Scenario:
     rows = chance.randint(21, chance.choice([30, 45, 100]))
     route = chance.choice([ONE_WAY, TWO_WAY])
     length = chance.randint(30, 110)
-    most = [
-        carriers
-        for carriers in range(1, MOST_CARRIERS + 1)
-        if queue_of(route, length, 0.0, carriers)
-    ]
+    most = 0
+    for carriers in range(1, MOST_CARRIERS + 1):
+        if queue_of(route, length, bay=0.0, carriers=carriers):
+            most = carriers
     return Scenario(
         rows=rows,
         pickers=chance.randint(10, min(rows, 60)),
         row_width=chance.choice([5.0, 3.15, round(chance.uniform(3.15, 12.0), 2)]),
-        carriers=min(chance.randint(rows // 4, MOST_CARRIERS), max(most)),
+        carriers=min(chance.randint(rows // 4, MOST_CARRIERS), most),
         row_length=length,
         route=route,
         dispatch=chance.choice(DISPATCH_POLICIES),

@@ -44,6 +44,9 @@ COMMAND_LINE = (
     "orchard.launch.distributed",
     "orchard.study.study_command",
 )
+# Where the module stands in a command line of `orchard.start_module.command_for`: after Python, -P
+# and the file.
+PLACE_OF_MODULE = 3
 ROOT = Path(__file__).parents[2]
 PATHS = [str(ROOT), str(ROOT / "tests" / "support")]
 
@@ -52,8 +55,9 @@ class Forked:
     """A process that runs a module. Its methods are those of subprocess.Popen.
 
     `leads`: it has a session of its own, with stderr in stdout, as a command that is typed.
-    `forks`: what run.py starts, but for the logger, is forked, too. `stdin`: that of a process that
-    run.py starts, which leads its group. `folder`: where it runs.
+    `forks`: it is run.py, and what that starts, but for the logger, is forked, too. `stdin`: the
+    descriptor from which it reads; such a process is one that run.py starts, and leads its group.
+    0: that of this process. `folder`: where it runs.
     """
 
     def __init__(
@@ -78,10 +82,12 @@ class Forked:
             "leads": leads,
             "forks": forks,
             "folder": str(folder),
+            # Only what run.py starts has a stdin of its own.
+            "is_started_by_run_py": bool(stdin),
         }
-        self.pid, self._exit = server().fork(
-            request | {"is_child": bool(stdin)}, [ends[0][1], ends[-1][1], stdin]
-        )
+        stdout_end = ends[0][1]
+        stderr_end = ends[-1][1]
+        self.pid, self._exit = server().fork(request, [stdout_end, stderr_end, stdin])
         for _, end in ends:
             os.close(end)
 
@@ -116,13 +122,15 @@ class Forked:
                 self.wait(timeout)
                 return said[0].result(timeout), said[1].result(timeout)
             except (TimeoutError, subprocess.TimeoutExpired):
-                # Or its pipes, and with them the readers, stay open for ever.
+                # Otherwise its pipes stay open, and the readers never end.
                 self.kill()
                 raise
 
 
-class Server:
-    """The server's side in the tests, or in run.py."""
+class ServerHandle:
+    """What the tests, or run.py, have of a server: they ask it for processes, and hear when these
+    end.
+    """
 
     def __init__(self, own: socket.socket) -> None:
         self._socket = own
@@ -134,7 +142,8 @@ class Server:
     def fork(self, request: dict, files: Sequence[int]) -> tuple[int, "queue.Queue[int]"]:
         """Start a process.
 
-        `files`: its stdout and stderr. Return its id, and a queue that will have its exit code.
+        `files`: its stdout, stderr and stdin. Return its id, and a queue that will have its exit
+        code.
         """
         with self._lock:
             socket.send_fds(self._socket, [json.dumps(request).encode()], files)
@@ -159,7 +168,7 @@ def linked() -> tuple[socket.socket, socket.socket]:
 
 
 @cache
-def server() -> Server:
+def server() -> ServerHandle:
     """Return the server of this process. It ends with the tests."""
     own, other = linked()
     # Rich reads its width when it is imported.
@@ -170,10 +179,11 @@ def server() -> Server:
     command = [sys.executable, "-m", "forked_processes", str(other.fileno())]
     process = subprocess.Popen(command, cwd=ROOT, env=environment, pass_fds=[other.fileno()])
     other.close()
-    made = Server(own)
+    handle = ServerHandle(own)
+    # What is registered last happens first: it is told to end, and then waited for.
     atexit.register(process.wait, 10.0)
-    atexit.register(made.close)
-    return made
+    atexit.register(handle.close)
+    return handle
 
 
 # -- in the server
@@ -251,8 +261,11 @@ def begin(request: dict) -> None:
     """Run the module of a request in this process."""
     if request["forks"]:
         own, other = linked()
+        # run.py will have threads, and forks with threads are unsafe. So it gets a server of its
+        # own now, which has none: a fork of this process.
         if not os.fork():
             own.close()
+            # In each process that this server forks, `serve` returns what that is to run.
             if (order := serve(other)) is not None:
                 begin(order)
             return
@@ -263,7 +276,8 @@ def begin(request: dict) -> None:
     os.chdir(request["folder"])
     if request["leads"]:
         os.setsid()
-    elif request["is_child"]:
+    elif request["is_started_by_run_py"]:
+        # As the supervisor starts it: in a group of its own, and without stdout.
         os.setpgrp()
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     sys.argv = [request["module"], *request["arguments"]]
@@ -278,12 +292,16 @@ def let_supervisor_fork(own: socket.socket) -> None:
     from orchard.launch import supervisor
 
     global server  # noqa: PLW0603 - a process has one server, which its supervisor asks for
-    server = cache(lambda: Server(own))
+    server = cache(lambda: ServerHandle(own))
 
     def start(command: Sequence[str], **how: Any) -> Any:
-        if len(command) < 4 or command[3] not in DOORS:
+        module = ""
+        if len(command) > PLACE_OF_MODULE:
+            module = command[PLACE_OF_MODULE]
+        if module not in DOORS:
             return subprocess.Popen(command, **how)
-        return Forked(command[3], command[4:], how["env"], stdin=how["stdin"], folder=Path.cwd())
+        arguments = command[PLACE_OF_MODULE + 1 :]
+        return Forked(module, arguments, how["env"], stdin=how["stdin"], folder=Path.cwd())
 
     supervisor.subprocess = SimpleNamespace(  # type: ignore[attr-defined]
         **vars(subprocess) | {"Popen": start}

@@ -27,7 +27,7 @@ ALONE = dict(
 SHORT = Scenario(rows=3, carriers=1, row_length=30.0, **ALONE)
 # The agents of the small scenario.
 AGENTS = 10
-# Ticks of a short run of it.
+# Ticks of most runs of it: 12 s, in which robots drive, and pickers pick.
 TICKS = 120
 # Agents that only call each other.
 TOY = "calling_agents:cast"
@@ -54,6 +54,7 @@ def played(run: Local | Scenario, until: int, **agents: Agent) -> Local:
 
 
 def local_hash(scenario, ticks, agents=None, holds=Lookahead):
+    """Return the hash of a run at a tick. `holds`: the class that says which agents are asked."""
     return played(Local(scenario, agents, holds=holds), ticks).engine.hash
 
 

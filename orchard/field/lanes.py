@@ -29,6 +29,8 @@ FIRST_LANE = 10.85
 FIRST_TREE = -34.5
 # From tree to tree.
 TREE_PITCH = 6.0
+# Of TREE_PITCH: so little is rounding.
+PART_OF_PITCH = 1e-9
 # The last tree is at least so far from the row's end.
 LAST_TREE = 3.0
 # x of the west end of the picked part of a row.
@@ -67,8 +69,8 @@ class TreeLine(NamedTuple):
     @property
     def trees_x(self) -> tuple[float, ...]:
         """x of each tree, m. Trees of all lines stand in one grid, for the wires across."""
-        first = ceil((self.west - ROW_WEST) / TREE_PITCH - 1e-9)
-        last = int((self.east - LAST_TREE - FIRST_TREE) / TREE_PITCH + 1e-9)
+        first = ceil((self.west - ROW_WEST) / TREE_PITCH - PART_OF_PITCH)
+        last = int((self.east - LAST_TREE - FIRST_TREE) / TREE_PITCH + PART_OF_PITCH)
         return tuple(FIRST_TREE + TREE_PITCH * i for i in range(first, last + 1))
 
     @property

@@ -9,6 +9,7 @@ about which its rows are drawn.
 
 import math
 from collections.abc import Callable, Iterator
+from itertools import count
 
 from orchard.field.repeatable import draw, exp, exponential, log, normal
 from orchard.field.scenario import Scenario, Spread
@@ -48,7 +49,8 @@ def _slowed(scenario: Scenario, spread: Spread, what: str, mean: float) -> float
         return mean
     usual = scenario.mean_picking_speed
     most = scenario.top_picking_speed
-    chances = (draw(scenario.seed, f"picking of {what}", number, 2) for number in range(2**63))
+    # Some distributions take more than one pair, and none knows before how many.
+    chances = (draw(scenario.seed, f"picking of {what}", number, 2) for number in count())
     share = _SHARES[spread.distribution](spread.cv * most / (most - usual), chances)
     return most * mean / (mean + (most - mean) * share)
 
@@ -69,6 +71,7 @@ def failure(
 
 
 def _lognormal(cv: float, chances: Chances) -> float:
+    """Return a share whose logarithm is normal, about such a mean that its own mean is 1."""
     variance = log(1.0 + cv * cv)
     return exp(math.sqrt(variance) * normal(*next(chances)) - variance / 2.0)
 
@@ -89,6 +92,7 @@ def _gamma(cv: float, chances: Chances) -> float:
 
 
 def _uniform(cv: float, chances: Chances) -> float:
+    """Return a share that is as far from 1 as sqrt(3) times its deviation, at most."""
     return max(0.0, 1.0 + math.sqrt(3.0) * cv * (2.0 * next(chances)[0] - 1.0))
 
 

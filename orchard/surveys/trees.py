@@ -107,6 +107,7 @@ def _found_lines(features: Sequence[Feature]) -> tuple[list[SurveyedLine], list[
     yaw = _direction(points)
     in_frame = points * cmath.exp(-1j * yaw)
     order = np.argsort(-in_frame.imag, kind="stable")
+    # A cut lies before the first point of the next line.
     cuts = np.flatnonzero(-np.diff(in_frame.imag[order]) > APART) + 1
     lines: list[SurveyedLine] = []
     strays = []
@@ -147,7 +148,10 @@ def _direction(points: np.ndarray) -> float:
     least = fewest.min()
     # Of directions that are equally good, the middle one of the first group.
     best = np.flatnonzero(fewest == least)
-    group = best[: int(np.argmax(np.diff(best, append=count + best[0] + 2) > 1)) + 1]
+    ends_of_groups = np.flatnonzero(np.diff(best) > 1)
+    group = best
+    if len(ends_of_groups):
+        group = best[: ends_of_groups[0] + 1]
     return float(angles[group[len(group) // 2]])
 
 

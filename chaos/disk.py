@@ -41,5 +41,5 @@ class Disk:
         return self.is_there
 
     def clear(self) -> None:
-        """End what `fill` began."""
+        """Remove what `fill` has written."""
         self._filler.unlink(missing_ok=True)

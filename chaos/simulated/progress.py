@@ -21,7 +21,7 @@ class Progress:
         self._engine: Engine | None = None
         self._seed = -1
         self._resets = 0
-        self._ticks: list[int] = []  # at the last looks at which it had gone on
+        self._ticks: list[int] = []  # at the last LOOKS looks at which it had gone on
 
     def forget(self) -> None:
         """Know that a user has forked the run: the next physics has another scenario."""
@@ -32,7 +32,7 @@ class Progress:
         if world.engine is not self._engine and world.engine is not None:
             self._begin(world, world.engine)
         if self._engine is not None and (not self._ticks or self._engine.tick > self._ticks[-1]):
-            self._ticks = [*self._ticks[1 - LOOKS :], self._engine.tick]
+            self._ticks = [*self._ticks, self._engine.tick][-LOOKS:]
 
     def _begin(self, world: World, engine: Engine) -> None:
         """Follow another engine."""

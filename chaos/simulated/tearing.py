@@ -55,6 +55,7 @@ class Tearer:
             return payload
         at = self._random.randrange(len(payload))
         if chance < self._tears.torn:
+            # The end of the payload before, repeated if that is too short.
             end = len(payload) - at
             arrived = payload[:at] + (before * (end // len(before) + 1))[-end:]
         else:

@@ -8,6 +8,9 @@ from chaos.simulated.plan import Plan, draw
 from chaos.simulated.schedule import Schedule
 from chaos.simulated.verdict import Outcome, Verdict, judge
 
+# Ticks: a failing plan of no more is not made shorter.
+SHORT = 10
+
 
 def carry_out(plan: Plan, is_traced: bool = False) -> Verdict:
     """Carry out a plan, in a folder of its own."""
@@ -33,7 +36,7 @@ def shrink(plan: Plan) -> Plan:
             replace(plan, faults=plan.faults[:at] + plan.faults[at + 1 :])
             for at in range(len(plan.faults))
         ]
-        shorter = [replace(plan, ticks=plan.ticks // 2)] if plan.ticks > 10 else []
+        shorter = [replace(plan, ticks=plan.ticks // 2)] if plan.ticks > SHORT else []
         for smaller in [*fewer, *shorter]:
             if _kind_of(carry_out(smaller)) == what:
                 plan = smaller

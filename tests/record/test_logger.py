@@ -364,7 +364,7 @@ def test_refusals_pauses_and_steps_are_events_at_their_ticks(fleet):
     stepped = client.ask(keys.of("step_simulation"), client._of_run(steps=3))[0]["tick"]
     client.ask(keys.of("set_simulation_state"), client._of_run(state="playing"))
     fleet.end()
-    (queue,) = fleet.all.frames
+    (queue,) = fleet.simulated_world.frames
     queue.close()
     notebook = Notebook()
     write(queue, notebook, 0)

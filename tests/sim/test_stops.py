@@ -306,7 +306,7 @@ def test_a_stop_that_was_taken_outlives_physics_killed_at_once(fleet, tmp_path):
 
 def test_on_a_slow_disk_a_stop_is_answered_while_written(fleet, tmp_path):
     keep = kept_in(tmp_path)
-    fleet.all.disk_seconds = 20.0
+    fleet.simulated_world.disk_seconds = 20.0
     fleet.physics(SMALL, *keep)
     someone = fleet.client()
     wait_for(someone.hear("orchard/figures"), lambda figures: figures["tick"] > 0)

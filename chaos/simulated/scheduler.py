@@ -123,7 +123,7 @@ class Task:
             self.wake()
 
     def kill(self) -> None:
-        """End it where it waits. None of its code has an effect any more."""
+        """End it where it waits. Its `finally` blocks still run, up to their first wait."""
         if not self.is_over:
             self.is_over = True
             self._greenlet.parent = getcurrent()  # which goes on then

@@ -37,7 +37,8 @@ def from_elsewhere(classes: dict[str, str], folder: Path) -> list[str]:
 def _is_in(path: str, folder: Path) -> bool:
     """Whether Python finds the module of a class in this folder itself.
 
-    A folder inside does not count: .venv may be one. The module is not run.
+    Modules of a folder inside that is itself on the path, as that of .venv, do not count. The
+    module is not run.
     """
     module = path.partition(":")[0] if ":" in path else path.rpartition(".")[0]
     parts = module.split(".")

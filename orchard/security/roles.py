@@ -252,7 +252,7 @@ def _exprs(kind: str, party: Party, role: Role, keys: Keys) -> list[str]:
     """Return the keys of a kind on which a role has a right as a party."""
     if not party.own:
         return [keys.of(kind)]
-    # The logger's token may name the run.
+    # The logger's token may name the run in place of its session, so it may be any.
     names_a_session = role.duty == "host" or kind != "alive"
     if names_a_session:
         session = role.session

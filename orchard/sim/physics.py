@@ -20,8 +20,8 @@ from orchard.sim.world import NONE, Fixed, Space, World
 
 # rad by which a carrier that waits may be turned from the east.
 FACING = 1e-6
-# m past the queue. A carrier that something drove there, and that another one keeps there, still
-# waits in the queue.
+# m past the head of the queue. A carrier that something has driven there, and that cannot go back
+# because another one is behind it, still waits in the queue.
 PAST_HEAD = 2.0
 
 # Attributes of the world that the kernel `advance` takes.
@@ -63,6 +63,7 @@ def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> lis
         allowed = np.where(world.stopped[:, None], 0.0, twists)
         done = do_deeds(world, allowed, deeds)
         events = _left_part_full(world, done) + done
+    # It returns True while a bin is full, too. Only full bins are unloaded.
     if advance(twists, *_arguments(world)):
         for i, obstacle in enumerate(world.space.met.tolist()):
             if obstacle != NONE:

@@ -39,7 +39,8 @@ def latch(world: World, words: Sequence[str], stop: bool) -> list[str]:
 def as_shown(world: World, actions: Mapping[str, Action]) -> Mapping[str, Action]:
     """Return the actions as they are shown to people.
 
-    Obstacles have names, and a stopped robot is shown as stopped, whatever its agent returned.
+    Where a robot waits for an obstacle, the names of the bodies there are shown. A stopped robot is
+    shown as stopped, whatever its agent returned.
     """
     shown = dict(actions)
     for name, action in actions.items():

@@ -39,7 +39,7 @@ class Fixed(NamedTuple):
     pickers: np.ndarray
     # m: what fills a bin.
     bin_full: float
-    # m: what is in a bin that is to be delivered, once its picker has left it.
+    # m: what is at least in a bin that is to be delivered, once its picker has left it.
     bin_least: float
     # (r,) m in a bin for each metre of the row: 1, unless each row fills one bin.
     row_share: np.ndarray

@@ -81,6 +81,7 @@ sys.exit(run_process("child", RouterOptions, None, body))
     (tmp_path / "child.py").write_text(program)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     with Supervisor(print) as supervisor:
+        # Only a program that is started again is not over once it has failed.
         supervisor.start(ProcessSpec("child", "child", [], again=True))
         supervisor.wait(PATIENCE)
         assert supervisor.exit_code("child") == exit_code

@@ -95,7 +95,7 @@ def test_a_second_bin_goes_on_where_the_first_ended():
 
 
 def test_a_part_inside_a_row_is_picked_up_to_the_edge():
-    """The edge is where the picker drives out of the row."""
+    """The edge is where the part begins that was picked from the east end."""
     row = picker_with_bin(x=-36.0, picking_speed=0.5)
     row.drive(46, deeds=[("picker_01", PickFrom(-31.3))], **train(x=1.0))
     assert row.of("pose", "picker_01")[0] == pytest.approx(-31.4)

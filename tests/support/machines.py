@@ -117,9 +117,11 @@ def unplugged(host: str, *guests: int):
     """Unplug the cables between the host and these guests, counted from 1, within this context."""
     for n in guests:
         _ip("-n", host, "link", "set", f"v{n}", "down")
-    yield
-    for n in guests:
-        _ip("-n", host, "link", "set", f"v{n}", "up")
+    try:
+        yield
+    finally:
+        for n in guests:
+            _ip("-n", host, "link", "set", f"v{n}", "up")
 
 
 def slowed(host: str, guest: int, *bucket: str) -> None:

@@ -1,6 +1,6 @@
 """The random draws of a batch, compiled: the same numbers as `orchard.event_model.draws` gives.
 
-Each harvest has as many for each robot as the robot that has used the most needs.
+In a harvest all robots have the same number of draws: what the robot needs that has used the most.
 """
 
 import numpy as np
@@ -21,8 +21,8 @@ _exponential = inner(exponential)
 _ticks_of_meeting = inner(ticks_of_meeting)
 _ticks_of_look = inner(ticks_of_look)
 
-# Where the machine reads how many draws there are for each robot: in the words of an array its
-# second length.
+# Where the machine reads how many draws there are for each robot. The words of an array are its
+# address and its lengths, so this is its second length.
 _LENGTH = 2
 _NAMES = list(columns.ARRAYS)
 FAILURES_LENGTH = WORDS * _NAMES.index("failures") + _LENGTH

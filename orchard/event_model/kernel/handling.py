@@ -34,7 +34,10 @@ def handle(m, robot, state):
 
 @inner
 def seize(m, robot, beside):
-    """Stand until the op's places are granted. Return whether the robot has them."""
+    """Stand until the op's places are granted. Return whether the robot has them.
+
+    `beside`: the partner that may have them too.
+    """
     me = m.robots[robot]
     places = m.ops[me.op].places
     if has_places(m, robot, places):
@@ -168,6 +171,7 @@ def take_place(m, picker):
 def hand_over(m, carrier):
     """Uncouple the empty bin in the lane, and let the picker know."""
     me = m.robots[carrier]
+    # The bin before which it stands: the empty one now, and the full one once it is there.
     me.full_bin = me.bin
     me.bin = c.NONE
     m.bins[me.full_bin].taken = c.NEVER

@@ -1,7 +1,8 @@
 """A policy in a process of its own, as the benchmark asks it.
 
 The process gets no argument but its module, few variables of the environment, and no file but two
-pipes. This process cannot be looked into by others of the same user.
+pipes. It forks a process for each harvest: `Gone` and `Spent` tell that this one has ended. The
+process of the benchmark cannot be looked into by others of the same user.
 """
 
 import ctypes
@@ -203,7 +204,7 @@ class PolicyProcess:
         Raises PolicyFault, TooSlow or AskingStopped.
         """
         if self._has_written():
-            # That its process has ended is told unasked; that is raised here.
+            # `Gone` or `Spent` comes unasked, and is raised here.
             self._next_answer(seconds, purpose)
             raise self._fault("it gave an answer before it was asked")
         self._tell(question, seconds, purpose)
@@ -282,7 +283,8 @@ class PolicyProcess:
                     raise AskingStopped
                 left = until - time.monotonic()
                 is_ready = bool(selector.select(min(GLANCE, max(0.0, left))))
-                # This process may have been stopped meanwhile, by the policy too.
+                # This process may have been suspended meanwhile, by the policy too. Then an answer
+                # is ready that came too late.
                 is_late = time.monotonic() > until
                 if is_ready and not is_late:
                     return

@@ -28,7 +28,8 @@ from orchard.study.workers import Workers
 FOLDER = Path(str(files("orchard.study.benchmark"))) / SET
 MEASURED = Path(__file__).parents[3] / "docs" / "benchmark.json"
 KNOWN = instances()
-# Nobody is in a robot's way, and robots do nothing but harvest. The files have no more.
+# In these nobody is in a robot's way, and robots do nothing but harvest: so a file tells all that
+# happens.
 SIMPLE = []
 for known in KNOWN.values():
     has_guests = bool(known.scenario["people"]["workers"])
@@ -127,7 +128,8 @@ def test_a_secret_draws_a_split_that_nobody_knows(tmp_path):
         secret_of(file)
 
 
-# In what it draws first of this family all early policies do the same.
+# A secret and a family. In the first orchard that the secret draws of it, all policies that send
+# carriers early do the same.
 TYING = (b"secret number 0 of the test", "load-out-hidden")
 
 

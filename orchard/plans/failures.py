@@ -33,6 +33,14 @@ def last_leave(needed: float) -> float:
     return max(needed - FILLED_FIRST, needed / 2.0)
 
 
+def off_the_road(metres: float, speed: float) -> float:
+    """Return from when on a robot keeps no place of a gate that it passes, s of work.
+
+    `metres`: to the gate, in the direction of the drive; `speed`: m/s.
+    """
+    return (metres + OFF_THE_ROAD) / speed
+
+
 def work_until_away(begin: float, end: float, now: float, first: float, last: float) -> float:
     """Return the time of work up to an absence, s; infinity if it does not begin on this drive.
 

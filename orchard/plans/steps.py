@@ -16,7 +16,7 @@ plan in a memory may hold.
 
 from collections.abc import Sequence
 from functools import cache, reduce
-from math import inf
+from math import copysign, inf
 from operator import or_
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast, get_args
 
@@ -226,12 +226,14 @@ class MayFail(Step, frozen=True):
         distance = getattr(drive, drive.axis) - here
         if not distance:
             return inf, 0.0
-        seconds = needed / distance
-        off = failures.OFF_THE_ROAD / abs(distance) * needed
-        first = max([0.0, *((gate.at - here) * seconds + off for gate in drive.frees)])
-        last = min(
-            [failures.last_leave(needed), *((gate.at - here) * seconds for gate in drive.needs)]
-        )
+        speed = abs(distance) / needed
+        direction = copysign(1.0, distance)
+        first = 0.0
+        for gate in drive.frees:
+            first = max(first, failures.off_the_road(direction * (gate.at - here), speed))
+        last = failures.last_leave(needed)
+        for gate in drive.needs:
+            last = min(last, direction * (gate.at - here) / speed)
         now = robot.seen.tick * TIME_STEP
         for begin, end in self.absences:
             work = failures.work_until_away(begin, end, now, first, last)

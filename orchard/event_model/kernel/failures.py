@@ -12,10 +12,10 @@ from orchard.event_model.kernel.places import tick_of
 from orchard.event_model.kernel.reports import hear_failed, hear_repaired, see_standing
 from orchard.field.ticks import TIME_STEP
 from orchard.plans import failures
-from orchard.plans.failures import OFF_THE_ROAD
 
 last_leave = inner(failures.last_leave)
 first_part = inner(failures.first_part)
+off_the_road = inner(failures.off_the_road)
 stop_of = inner(failures.stop_of)
 work_left = inner(failures.work_left)
 work_until_away = inner(failures.work_until_away)
@@ -63,7 +63,7 @@ def until_away(m, robot, speed):
     needed = (op.target - me.here) / speed
     first = 0.0
     for number in range(op.first_free, op.last_free):
-        first = max(first, (m.frees[number].at - me.here + OFF_THE_ROAD) / speed)
+        first = max(first, off_the_road(m.frees[number].at - me.here, speed))
     last = last_leave(needed)
     for number in range(op.first_need, op.last_need):
         last = min(last, (m.needs[number].at - me.here) / speed)

@@ -9,6 +9,9 @@ from orchard.event_model.harvest import EventHarvest
 from orchard.field.layout import lay_out
 from orchard.field.scenario import with_changes
 from orchard.local import Local
+from orchard.plans.driving import DriveTo
+from orchard.plans.robot import Gate
+from orchard.plans.steps import MayFail
 
 CREW = empty_orchard(
     rows=4, pickers=2, carriers=2, row_length=20.0, picking_rate=40.0, bins_per_row=1.0
@@ -70,6 +73,38 @@ def test_who_is_away_bars_no_road(begin: float) -> None:
     of_others = 12
     assert sum(seconds < 3600.0 * (begin + 2.0) for seconds in deliveries) >= of_others
     assert len(deliveries) == of_all
+
+
+# s since the harvest began: long enough for each drive of these tests.
+ALWAYS = (0.0, 100.0)
+# m/s
+SPEED = 0.5
+
+
+def on_a_drive(absence: tuple[float, float], **gates: list[Gate]) -> Stage:
+    """Return a stage after 60 s, in which a carrier may leave on a drive of 20 m, from x = -35."""
+    stage = Stage(empty_orchard())
+    stage.put("carrier_01", -35.0, 29.0)
+    drive = DriveTo(x=-15.0, speed=SPEED, **gates)
+    stage.give("carrier_01", [MayFail(0, 0.0, 0.0, (absence,)), drive])
+    stage.run(60.0)
+    return stage
+
+
+@pytest.mark.parametrize(("gate", "x"), [(-40.0, -35.0), (-33.0, -29.9)])
+def test_it_leaves_only_once_it_is_off_the_road(gate: float, x: float) -> None:
+    """It is clear of a place 3.1 m past the gate at which it gives that back."""
+    stage = on_a_drive(ALWAYS, frees=[Gate(["east/D/1"], gate)])
+    assert stage.doing("carrier_01") == "away"
+    assert stage.pose("carrier_01")[0] == pytest.approx(x, abs=0.01)
+
+
+def test_it_does_not_leave_where_it_needs_the_road() -> None:
+    """It passes the gate after 10 s, and would leave after 15 s."""
+    stage = on_a_drive((15.0, 100.0), needs=[Gate(["east/D/1"], -30.0)])
+    assert stage.pose("carrier_01")[0] == pytest.approx(-15.0)
+    stage = on_a_drive((15.0, 100.0))
+    assert stage.pose("carrier_01")[0] == pytest.approx(-27.5, abs=0.1)
 
 
 def test_nobody_is_away_by_default() -> None:

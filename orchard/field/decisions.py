@@ -1,7 +1,7 @@
-"""Who decides a value of the scenario: the grower chooses it, or it is given by the circumstances.
+"""Which values of the scenario the grower chooses, and which the circumstances give.
 
-A field says so in its annotation. What a section says holds for all that is in it. A study looks
-for the best of what can be chosen, for each of the circumstances.
+The annotation of a field has a mark for it, a `Decision`. The mark of a section holds for all of
+its fields. A study (`orchard/study`) looks for the best choice, for each of the circumstances.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,33 +12,39 @@ from pydantic import BaseModel
 
 
 class Decision(Enum):
-    """Who decides a value."""
+    """What decides a value."""
 
-    #: The grower, for the next harvest.
+    #: The grower's choice, for the next harvest.
     CHOICE = "choice"
     #: The orchard, the crop, people, machines as they are built, prices, chance.
     CIRCUMSTANCE = "circumstance"
 
 
 def decision_at(model: type[BaseModel], path: str) -> Decision | None:
-    """Return who decides the value at a dotted path; None for a section of which the parts
-    say it.
+    """Return what decides the value at a dotted path, such as "people.workers".
+
+    None for a section without a mark, whose fields have marks of their own, and for a path that
+    leads to no field.
     """
-    inside: Any = model
+    section: Any = model
     for name in path.split("."):
-        is_section = isinstance(inside, type) and issubclass(inside, BaseModel)
-        field = inside.model_fields.get(name) if is_section else None
+        is_section = isinstance(section, type) and issubclass(section, BaseModel)
+        field = section.model_fields.get(name) if is_section else None
         if field is None:
             return None
         marks = [mark for mark in field.metadata if isinstance(mark, Decision)]
         if marks:
             return marks[0]
-        inside = field.annotation
+        section = field.annotation
     return None
 
 
 def decided(model: type[BaseModel], decision: Decision, before: str = "") -> Iterator[str]:
-    """Yield the paths that are decided so: a section as a whole, if it says so itself."""
+    """Yield the dotted paths of all fields of a model with this mark.
+
+    A section with a mark is one path: its fields are not yielded. `before`: what stands before each
+    path, "" or the path of the model with a dot at its end.
+    """
     for name, field in model.model_fields.items():
         if decision in field.metadata:
             yield f"{before}{name}"
@@ -47,15 +53,19 @@ def decided(model: type[BaseModel], decision: Decision, before: str = "") -> Ite
 
 
 def is_choice(model: type[BaseModel], path: str, values: Sequence[Any]) -> bool:
-    """Whether the grower chooses among these values.
+    """Whether the grower chooses among some values of the field or section at a dotted path.
 
-    One of a section is a map of what it changes.
+    A value of a section is a map of the fields that it changes. The grower must choose all of them.
     """
     leaves = {leaf for value in values for leaf in _leaves(path, value)}
     return all(decision_at(model, leaf) is Decision.CHOICE for leaf in leaves)
 
 
 def _leaves(path: str, value: Any) -> Iterator[str]:
+    """Yield the dotted paths of all values in a map and in the maps inside it.
+
+    Any other value, and an empty map, is yielded as `path` itself.
+    """
     if not isinstance(value, Mapping) or not value:
         yield path
         return

@@ -15,6 +15,7 @@ NORTH = repeatable.QUARTER
 WEST = repeatable.PI
 SOUTH = -repeatable.QUARTER
 HEADINGS = {"EAST": EAST, "NORTH": NORTH, "WEST": WEST, "SOUTH": SOUTH}
+# A coordinate of one point, or of many at once.
 Number = TypeVar("Number", float, np.ndarray)
 
 

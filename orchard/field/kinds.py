@@ -1,6 +1,7 @@
 """The kinds of bodies (size, colour, speed, laser, towing), and the names of agents.
 
-Figures: docs/reference.md.
+An agent drives a body. Its name is the body's: a kind and a number, as in "picker_01". Sizes and
+speeds are those of the manual (docs/manual.md); docs/reference.md lists them.
 """
 
 import math
@@ -10,8 +11,8 @@ from dataclasses import dataclass
 from orchard.field.repeatable import PI
 
 
-# Lasers are compared by identity: there is one for each kind, and they are keys of what is looked
-# up often.
+# Lasers are compared by identity (`eq=False`): there is one for each kind, and they are keys of
+# tables in which beams are looked up at each scan. A comparison of their fields would cost time.
 @dataclass(frozen=True, eq=False)
 class Laser:
     """A laser range finder. Its beams go counter-clockwise."""
@@ -38,10 +39,13 @@ class Kind:
     laser: Laser
     # m from its centre back to the centre of its coupled bin; 0: it tows nothing.
     tows: float = 0.0
+    # Whether others collide with it. Weeds are flat.
     solid: bool = True
-    # Robots move before people and animals. They can be stopped, and their states are counted.
+    # Whether it is a robot. Robots move before people and animals. They can be stopped, and their
+    # states are counted.
     robot: bool = False
-    # Whether it can move to its left and right, but only on the bar of a robot.
+    # Whether it moves only on the bar of a robot, as a bin does, and there also to its left and
+    # right.
     sideways: bool = False
 
     @property
@@ -55,18 +59,28 @@ class Kind:
         return self.speed > 0.0 and not self.sideways
 
 
-LASER_RANGE = 10.0  # m
-# m. A ray is cast from the laser's centre itself (orchard/sim/kernels/laser.py), so no return is
-# too near.
+# The furthest and the nearest return of all lasers, m. A ray is cast from the laser's centre itself
+# (orchard/sim/kernels/laser.py), so no return is too near.
+LASER_RANGE = 10.0
 LASER_NEAREST = 0.0
+FRONT_BEAMS = 180
+AROUND_BEAMS = 60
 
 
 def _front(length: float) -> Laser:
-    """Return the laser at the front of a body. `length`: of the body, m."""
-    return Laser(beams=180, first=-PI / 2, increment=PI / 179, ahead=length / 2)
+    """Return the laser at the front of a body, which sees the half circle ahead of it.
+
+    `length`: of the body, m. Both ends of the half circle have a beam, so there is one gap fewer
+    than beams.
+    """
+    return Laser(
+        beams=FRONT_BEAMS, first=-PI / 2, increment=PI / (FRONT_BEAMS - 1), ahead=length / 2
+    )
 
 
-AROUND = Laser(beams=60, first=0.0, increment=2 * PI / 60, ahead=0.0)
+# The laser in the middle of a body that sees all around it.
+AROUND = Laser(beams=AROUND_BEAMS, first=0.0, increment=2 * PI / AROUND_BEAMS, ahead=0.0)
+# An eighth of a half turn, rad. Robots turn by so much in a second (docs/manual.md).
 EIGHTH = PI / 8
 
 
@@ -154,17 +168,18 @@ KINDS: dict[str, Kind] = {
     ),
 }
 
-# What is done for several kinds follows from their properties: a new kind is in these lists by
-# itself.
+# Lists of kinds that the program treats alike. They follow from the properties above, so a new kind
+# is in them by itself.
 ROBOTS = tuple(name for name, kind in KINDS.items() if kind.robot)
-# Robots with a pin, a short name and receivers of their own: all but bins.
+# Robots that drive by themselves: all but bins. They have a pin in the picture, a short name and
+# GNSS receivers of their own.
 VEHICLES = tuple(name for name in ROBOTS if KINDS[name].drives)
-# The harvest makes progress while they finish steps of their plans.
+# What tows bins. The harvest makes progress while these robots finish steps of their plans.
 HAULERS = tuple(name for name, kind in KINDS.items() if kind.tows)
-# Their scans are recorded, and they can learn.
+# What drives or walks by itself. Their scans are recorded, and they can learn.
 MOVERS = tuple(name for name, kind in KINDS.items() if kind.drives)
 
-# The agents without a body that the program brings: one grants places on the roads, and one sends
+# The built-in agents without a body: `traffic` grants places on the roads, `dispatch` sends
 # carriers to full bins.
 TRAFFIC = "traffic"
 DISPATCH = "dispatch"
@@ -197,25 +212,26 @@ def name_of(kind: str, number: int) -> str:
 def select_agents(
     names: Iterable[str], only: list[str], without: list[str], share: str = "0/1"
 ) -> list[str]:
-    """Return the selected ones of these names, in their order.
+    """Return the selected ones of some names of agents, in their order.
 
-    `only` and `without`: kinds or names; an empty `only` selects all. `share` "I/N": of them every
-    N-th from the I-th, from 0. Raises ValueError for an unknown kind or name, or a wrong share.
+    `only` and `without`: kinds or names; an empty `only` selects all. `share` is "I/N": of the
+    names that `only` and `without` leave, every N-th one is taken, beginning with number I, from 0.
+    Raises ValueError for an unknown kind or name, or a wrong share.
     """
     names = list(names)
     for word in [*only, *without]:
         if not any(_is_meant(name, [word]) for name in names):
             kinds = ", ".join(sorted({kind_of(name) for name in names}))
             raise ValueError(f"{word}: no such agent or kind; there are {kinds}")
-    first, _, of = share.partition("/")
-    if not (first.isdecimal() and of.isdecimal() and int(first) < int(of)):
+    first, _, step = share.partition("/")
+    if not (first.isdecimal() and step.isdecimal() and int(first) < int(step)):
         raise ValueError(f"share {share}: must be I/N, with I from 0 to N - 1")
     selected = []
     for name in names:
         is_selected = not only or _is_meant(name, only)
         if is_selected and not _is_meant(name, without):
             selected.append(name)
-    return selected[int(first) :: int(of)]
+    return selected[int(first) :: int(step)]
 
 
 def _is_meant(name: str, words: list[str]) -> bool:

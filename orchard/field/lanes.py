@@ -1,6 +1,9 @@
-"""The rows of an orchard and its lines of trees, alike or as surveyed.
+"""The rows of an orchard and its lines of trees, for `orchard/field/layout.py`: all alike, or as
+surveyed.
 
-Metres, in the frame `map`: x east, y north.
+A row is picked from the lane between two lines of trees, so `Lane` is a row. The two ways to lay
+them out are `alike` and `surveyed`. Metres, in the frame `map`: x east, y north. A name with
+`south` in it is a distance south of the first row of a survey, m.
 """
 
 from collections.abc import Mapping
@@ -21,19 +24,20 @@ from orchard.field.survey import (
     spacing_of,
 )
 
-# y of the northernmost line of trees, unless the first lane would lie further north than roads and
-# turns north of it allow.
+# y of the northernmost line of trees, m (manual), unless the first lane would then lie further
+# north than y = FIRST_LANE, where roads and turns north of it leave no more room.
 TREE_TOP_LINE = 13.5
 FIRST_LANE = 10.85
-# x of the first tree.
+# x of the first tree, m.
 FIRST_TREE = -34.5
-# From tree to tree.
+# From tree to tree in a line, m.
 TREE_PITCH = 6.0
-# Of TREE_PITCH: so little is rounding.
+# A tree belongs to a line that is too short for it by at most this share of TREE_PITCH, which is
+# rounding.
 PART_OF_PITCH = 1e-9
-# The last tree is at least so far from the row's end.
+# m, at least, from the last tree to the row's end.
 LAST_TREE = 3.0
-# x of the west end of the picked part of a row.
+# x of the west end of the picked part of a row, m.
 ROW_WEST = -35.5
 
 
@@ -68,7 +72,10 @@ class TreeLine(NamedTuple):
 
     @property
     def trees_x(self) -> tuple[float, ...]:
-        """x of each tree, m. Trees of all lines stand in one grid, for the wires across."""
+        """x of each tree, m.
+
+        Trees of all lines stand in one grid, so that the wires of the pergola run straight across.
+        """
         first = ceil((self.west - ROW_WEST) / TREE_PITCH - PART_OF_PITCH)
         last = int((self.east - LAST_TREE - FIRST_TREE) / TREE_PITCH + PART_OF_PITCH)
         return tuple(FIRST_TREE + TREE_PITCH * i for i in range(first, last + 1))
@@ -79,6 +86,7 @@ class TreeLine(NamedTuple):
         return tuple(x + TREE_PITCH / 2 for x in self.trees_x[:-1])
 
 
+# All lanes and all lines of trees of an orchard, both from north to south.
 Rows = tuple[tuple[Lane, ...], tuple[TreeLine, ...]]
 
 
@@ -124,33 +132,39 @@ def surveyed(survey: Survey, speeds: Mapping[int, float]) -> Rows:
     top = top_line(survey.rows[0].south - first)
     lanes = []
     for number, row in enumerate(survey.rows, start=1):
+        # The last line north of the row, and the first line south of it.
         north = top - (souths_of_lines[number - 1][-1] - first)
         south = top - (souths_of_lines[number][0] - first)
         y = top - (row.south - first)
         lanes.append(_lane(number, row, speeds[number], y, min(north - y, y - south)))
     lines = []
-    for i, of_gap in enumerate(souths_of_lines):
+    for i, souths_in_gap in enumerate(souths_of_lines):
+        # The gap before the first row and the one after the last row have one lane beside them, all
+        # others two.
         beside = lanes[max(0, i - 1) : i + 1]
-        if len(of_gap) == 1:
+        if len(souths_in_gap) == 1:
             west = min(lane.west for lane in beside)
             east = max(lane.east for lane in beside)
-            lines.append(TreeLine(top - (of_gap[0] - first), west, east))
+            lines.append(TreeLine(top - (souths_in_gap[0] - first), west, east))
         else:
             # Of two lines each is as long as the row on its own side.
-            for line, lane in zip(of_gap, beside, strict=True):
+            for line, lane in zip(souths_in_gap, beside, strict=True):
                 lines.append(TreeLine(top - (line - first), lane.west, lane.east))
     return tuple(lanes), tuple(lines)
 
 
 def _souths_of_lines(souths: list[float]) -> list[list[float]]:
-    """Return how far south the lines of trees lie, m.
+    """Return how far south the lines of trees lie, m: a list for each gap.
 
-    They are that before the first row, those in each gap, and that after the last row. `souths`:
-    how far south each row lies, m.
+    The first list has the line before the first row, the last one the line after the last row.
+    Between them is a list of one or two lines for each gap between two rows. `souths`: how far
+    south each row lies, m.
     """
     gaps = [south - north for north, south in pairwise(souths)]
+    # Wider gaps are none of the usual ones: rows are missing there.
     usual = median(gap for gap in gaps if gap <= FURTHEST + ROUNDING)
     between = [_lines_between(north, south, usual) for north, south in pairwise(souths)]
+    # The outermost lines mirror the next ones at the first and at the last row.
     first = 2 * souths[0] - between[0][0]
     last = 2 * souths[-1] - between[-1][-1]
     return [[first], *between, [last]]

@@ -1,6 +1,8 @@
-"""The layout of an orchard, made from a scenario. Figures: docs/reference.md.
+"""The layout of an orchard, made from a scenario: `lay_out` returns it.
 
-Metres, in the frame `map`: x east, y north.
+It tells all that stays as it is during a harvest: rows, fences, queue, bay, and where each body
+starts. Physics and all agents read it. Metres, in the frame `map`: x east, y north. Figures of the
+manual are listed in docs/reference.md.
 """
 
 from collections.abc import Iterable, Mapping
@@ -33,15 +35,13 @@ from orchard.field.queue import (
 )
 from orchard.field.rows import Block, rows_to_pickers
 from orchard.field.scenario import Scenario
-from orchard.field.survey import (
-    TRUNK,
-)
+from orchard.field.survey import TRUNK
 
-# Layouts in the cache.
+# Layouts in the cache of `lay_out`. Other caches of what follows from a layout are as large.
 KEPT_LAYOUTS = 8
 
-# All that follows is in metres, in the frame `map`. The east side is that of rows of the usual
-# length.
+# All that follows is in metres, in the frame `map`, and from the manual where nothing else is said.
+# The figures of the east side are for rows of USUAL_ROW: `Layout.shift` is added for longer ones.
 # x of the fences' centre lines.
 X_WEST = -50.0
 X_EAST = 50.0
@@ -55,11 +55,16 @@ FENCE_HEIGHT = 2.5
 BELOW_ROWS = 21.0
 # x of a picker that starts at an east end: where pickers wait for bins, off both roads.
 EAST_START = 41.0
+# 30 by 10 m about its centre.
 DRIVEWAY = Rect(-34.67 - 15.0, 28.51 - 5.0, -34.67 + 15.0, 28.51 + 5.0)
+TRACTOR_START = Pose(-45.0, 29.0, EAST)
+# x of the middle between the west and the east roads of the routes.
+MIDDLE = -1.5
 
 # The bay at its usual place, at the driveway's south edge. A full bin at rest in it is unloaded.
 BAY = Rect(-34.5, 23.6, -29.5, 25.4)
-# m by which a carrier must be further in, as it measures it, than its bin must.
+# m. A carrier that is held up unloads only if its bin is so far inside the bay by the pose that the
+# carrier measures, because a measured pose has errors.
 INTO_BAY = 0.5
 
 
@@ -76,7 +81,8 @@ class Layout:
     lines: tuple[TreeLine, ...]
     #: Picker -> its rows, in the order in which it picks them, and the end at which it starts.
     blocks: Mapping[str, Block]
-    #: In the order in which bodies move: robots by name, people and animals by name, weeds.
+    #: The start of each body, in body order. In this order bodies move: robots by name, people and
+    #: animals by name, weeds.
     starts: tuple[Start, ...]
     #: (n, 4), m: x, y, half length along x, half width along y of each fence, trunk and post;
     #: fences first.
@@ -112,8 +118,9 @@ class Layout:
 
     @cached_property
     def bins(self) -> int:
-        """The number of bins that a harvest fills; of each picker's the last one may be
-        part full.
+        """The number of bins that a harvest fills.
+
+        The last bin of each picker may be part full.
         """
         count = 0
         for block in self.blocks.values():
@@ -144,7 +151,7 @@ class Layout:
 
     @property
     def shift(self) -> float:
-        """How much further east all of the east side lies than with rows of the usual length, m."""
+        """How much further east the east side lies than with rows of USUAL_ROW, m."""
         return self.row_length - USUAL_ROW
 
     @property
@@ -160,11 +167,15 @@ class Layout:
     @property
     def middle(self) -> float:
         """x of the middle between the roads of both sides, m."""
-        return -1.5 + self.shift / 2
+        return MIDDLE + self.shift / 2
 
     @cached_property
     def bay(self) -> Rect:
-        """The unloading bay, with all its places."""
+        """The unloading bay, with all its places.
+
+        Each place beyond the first is CLOSED_UP further west: a carrier unloads there where it
+        stands behind another one.
+        """
         scenario = self.scenario
         west = BAY.west + scenario.bay - CLOSED_UP * (scenario.bays - 1)
         return BAY._replace(west=west, east=BAY.east + scenario.bay)
@@ -182,7 +193,9 @@ class Layout:
 
     @property
     def unloads_from(self) -> float:
-        """x from which a carrier that is held up on its way to `bay_stop` unloads there, m."""
+        """x from which on a carrier that is held up on its way to `bay_stop` unloads where it
+        stands, m.
+        """
         return self.bay.west + KINDS["carrier"].tows + INTO_BAY
 
     @cached_property
@@ -207,11 +220,16 @@ class Layout:
         return queue
 
     def _queue_name(self) -> str:
-        """Return the route that gives the queue: an own route names one."""
+        """Return the built-in route whose queue is used.
+
+        A route of a user's own names one in its attribute `QUEUE`. Raises ScenarioError if that is
+        no built-in route.
+        """
         route = self.scenario.route
         if route in QUEUES:
             return route
         name: str = getattr(load_plugin("route", route), "QUEUE", ONE_WAY)
+        # A list, because `name` may be anything, also what a map cannot look up.
         if name not in [*QUEUES]:
             text = f"its QUEUE is {name!r}; must be {' or '.join(QUEUES)}"
             raise ScenarioError([Problem("scenario", text, "route", route)])
@@ -219,9 +237,9 @@ class Layout:
 
     @cached_property
     def first_charging(self) -> int:
-        """The number of places of the lines in which carriers wait. 0 without batteries.
+        """The number of the first place at which carriers charge; 0 without batteries.
 
-        The lines in which they charge are beyond them.
+        Carriers wait in the lines with smaller numbers, and charge in as many lines after them.
         """
         if not self.scenario.has_batteries:
             return 0
@@ -229,8 +247,13 @@ class Layout:
 
     @property
     def queue_places(self) -> int:
-        """The places of the queue that are in use."""
-        return 2 * self.first_charging or self.scenario.queue_carriers
+        """The number of places of the queue that are in use.
+
+        With batteries these are those to wait at and as many to charge at.
+        """
+        if self.scenario.has_batteries:
+            return 2 * self.first_charging
+        return self.scenario.queue_carriers
 
     @cached_property
     def charging_lines(self) -> tuple[float, ...]:
@@ -288,7 +311,7 @@ class Layout:
         return self  # it is read-only
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Be pickled as the scenario, from which the same layout follows."""
+        """Return how to make the same layout again, for pickle: from the scenario alone."""
         return lay_out, (self.scenario,)
 
     def lane(self, number: int) -> Lane:
@@ -300,9 +323,9 @@ class Layout:
         return next(name for name, block in self.blocks.items() if row in block.rows)
 
     def beyond(self, row: int, side: str) -> float:
-        """Return the metres from the end of a row to the furthest end of a row on that side.
+        """Return the metres from a row's end to the outermost end of all rows on the same side.
 
-        `side`: 'east' or 'west'.
+        `side`: 'east' or 'west'. 0 if all rows are alike.
         """
         lane = self.lane(row)
         if side == "east":
@@ -310,9 +333,9 @@ class Layout:
         return lane.west - ROW_WEST
 
     def picking_seconds(self, row: int, metres: float) -> float:
-        """Return the time for which a picker works at some metres of a row, s.
+        """Return the time that a picker needs for some metres of a row, s.
 
-        It has the mean time for which the picker stands because it failed.
+        It includes the mean time for which the picker stands because it failed.
         """
         failure = self.scenario.picking.failure
         return metres / self.lane(row).picking_speed * (1.0 + failure.share)
@@ -323,25 +346,35 @@ def lay_out(scenario: Scenario) -> Layout:
 
     Solid bodies do not overlap, and the same scenario and seed give the same layout. The last
     layouts are kept, because their parts are read-only: a second run of a scenario begins at once.
-    Raises ScenarioError for what only the layout shows, such as an own rule that cannot be.
+    Raises ScenarioError for what only the layout shows, such as a user's rule whose result cannot
+    be used.
     """
     return _laid_out(scenario.model_dump_json())
 
 
 @dataclass(frozen=True)
 class Geometry:
-    """A layout as a key for what depends on no seed: the speeds of rows are none of it."""
+    """A key for caches of what follows from a layout and does not depend on the seed.
 
+    Layouts that differ by the seed alone have equal keys, although rows are picked at different
+    speeds in them.
+    """
+
+    #: As JSON.
     scenario: str
-    # A battery that lasts for ever reads as none in a scenario's text, and has charging lines.
+    # The text of a scenario has null for hours of a battery that are infinite. Such a scenario has
+    # charging lines, and one with null has none.
     queue_places: int
     blocks: tuple[tuple[str, Block], ...]
-    #: One of the layouts that are so.
+    #: One of the layouts with this key, from which the cached value is made.
     layout: Layout = field(compare=False)
 
     @classmethod
     def of(cls, layout: Layout, has_seed: bool = False) -> "Geometry":
-        """Return that of a layout. `has_seed`: layouts of other seeds have another one."""
+        """Return the key of a layout.
+
+        `has_seed`: whether the seed is a part of the key, as where a user's code may read it.
+        """
         scenario = layout.scenario
         if not has_seed:
             scenario = scenario.model_copy(update={"seed": 0})
@@ -355,6 +388,11 @@ class Geometry:
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def _laid_out(text: str) -> Layout:
+    """Return the layout of a scenario, which is given as JSON: a scenario itself is no key.
+
+    Fences, trees and starts are placed by what `Layout` computes from rows and queue, so there is a
+    layout without them first.
+    """
     scenario = Scenario.model_validate_json(text)
     blocks = rows_to_pickers(scenario)
     speeds = {}
@@ -387,12 +425,17 @@ def _laid_out(text: str) -> Layout:
     return replace(bare, starts=tuple(starts), walls=walls)
 
 
-def _moving_order(start: Start) -> tuple[bool, bool, str]:
-    """Return what is least for the body that moves first: robots, then people and animals,
-    weeds.
+def _moving_order(start: Start) -> tuple[int, str]:
+    """Return the key by which bodies are sorted: the group that moves first has the least number.
+
+    Robots, then people and animals, then weeds. Within a group the name decides.
     """
     kind = KINDS[start.kind]
-    return not kind.robot, not kind.solid, start.name
+    if kind.robot:
+        return 0, start.name
+    if kind.solid:
+        return 1, start.name
+    return 2, start.name
 
 
 def _fences(layout: Layout) -> list[tuple[float, float, float, float]]:
@@ -423,17 +466,21 @@ def _trunks_and_posts(layout: Layout) -> list[tuple[float, float, float, float]]
 def _picker_start(layout: Layout, block: Block) -> Pose:
     """Return the start of a picker.
 
-    In the west it is at the head of its first row; in the east it is off the roads, where its bin
-    stands on none.
+    In the west it is at the head of its first row. In the east it is further out, so that neither
+    the picker nor its bin stands on a road.
     """
     lane = layout.lane(block.rows[0])
     if block.start == "west":
         return Pose(lane.west, lane.y, EAST)
+    # The sum is not taken with `layout.shift`, which would change its last bits, and so all hashes.
     return Pose(EAST_START + layout.row_length - USUAL_ROW, lane.y, WEST)
 
 
 def _machines(layout: Layout) -> list[Start]:
-    """Return the starts of pickers, carriers and the tractor, each robot with its bin behind it."""
+    """Return the starts of pickers, carriers and the tractor.
+
+    Behind each picker and each carrier is the start of its bin.
+    """
     robots = []
     for name, block in layout.blocks.items():
         robots.append(("picker", name, _picker_start(layout, block)))
@@ -442,11 +489,12 @@ def _machines(layout: Layout) -> list[Start]:
     starts = []
     for number, (kind, name, pose) in enumerate(robots, start=1):
         bin_name = name_of("bin", number)
+        # All face east or west, so the bin lies behind along x.
         behind = KINDS[kind].tows
         if pose.yaw != EAST:
             behind = -behind
         starts.append(Start(name, kind, pose, bin_name))
         starts.append(Start(bin_name, "bin", Pose(pose.x - behind, pose.y, pose.yaw)))
     if layout.scenario.tractor:
-        starts.append(Start(name_of("tractor", 1), "tractor", Pose(-45.0, 29.0, EAST)))
+        starts.append(Start(name_of("tractor", 1), "tractor", TRACTOR_START))
     return starts

@@ -1,5 +1,7 @@
-"""What the machines of a scenario can: the one place from which robots, physics, the event model,
-bounds and the proof of the optimum take it.
+"""How fast the machines of a scenario drive and turn, and how long they handle bins.
+
+Robots, physics, the event model, bounds and the proof of the optimum all take it from here
+(`Layout.machines`).
 """
 
 from dataclasses import dataclass
@@ -18,9 +20,9 @@ class Machine:
     speed: float
     #: rad/s, at most, and as it turns.
     turn: float
-    #: Ticks from the stop until a bin is coupled.
+    #: Ticks from the robot's stop until a bin is coupled.
     coupling_ticks: int
-    #: The same until one is uncoupled.
+    #: Ticks from the robot's stop until its bin is uncoupled.
     uncoupling_ticks: int
     #: Ticks for which a picker stands with its empty bin before it goes on.
     exchange_ticks: int
@@ -42,22 +44,28 @@ class Machine:
 
     @property
     def rest_before_coupling(self) -> int:
-        """The ticks for which a robot stands before the deed, beside those that it must."""
+        """The ticks for which a robot waits, at rest, before it asks physics to couple a bin."""
         return _rest(self.coupling_ticks, QUICKEST_COUPLING)
 
     @property
     def rest_before_uncoupling(self) -> int:
-        """The same before it uncouples."""
+        """The ticks for which a robot waits, at rest, before it asks physics to uncouple a bin."""
         return _rest(self.uncoupling_ticks, QUICKEST_UNCOUPLING)
 
     @property
     def coupling_ticks_at_rest(self) -> int:
-        """The ticks until a bin is coupled, of a robot that has stood before."""
+        """The ticks until a bin is coupled, of a robot that stands already when it begins.
+
+        The deed itself takes a tick.
+        """
         return self.rest_before_coupling + 1
 
     @property
     def uncoupling_ticks_at_rest(self) -> int:
-        """The same until one is uncoupled."""
+        """The ticks until a bin is uncoupled, of a robot that stands already when it begins.
+
+        The deed itself takes a tick.
+        """
         return self.rest_before_uncoupling + 1
 
 
@@ -77,6 +85,7 @@ def machine_of(scenario: Scenario, kind: str) -> Machine:
     standing = whole_ticks(load_out.seconds)
     trailer = 0
     if load_out.has_trailers:
+        # At least 1, because 0 means that there are no trailers.
         trailer = max(1, driving + standing)
     if not load_out.is_of_carriers:
         driving = 0
@@ -103,14 +112,19 @@ def haul_charge(scenario: Scenario, machine: Machine) -> float:
 
 
 def _radians(degrees: float) -> float:
-    """Return an angle, rad. That of 22.5 degrees is PI / 8 to the last bit."""
+    """Return an angle, rad.
+
+    The order of the operations makes 22.5 degrees PI / 8 to the last bit, which is the rate of
+    turning of `orchard/field/kinds.py`.
+    """
     return PI * (degrees / 180.0)
 
 
 def _rest(ticks: int, quickest: int) -> int:
-    """Return for how many ticks a robot stands before a deed that takes so many.
+    """Return for how many ticks a robot waits, at rest, before it asks physics to do a deed.
 
-    The quickest one does it as soon as physics lets it.
+    `ticks`: those that the deed takes in all. `quickest`: the fewest that physics allows; a robot
+    that needs no more asks at once, again and again until it is done. The deed itself takes a tick.
     """
     if ticks <= quickest:
         return 0

@@ -1,8 +1,10 @@
-"""The passes of a picker through its rows.
+"""The passes of a picker through its rows, for `Layout.passes`.
 
-On each pass it picks what fills its bin, and drives out at the other end than it came in. A bin of
-`metres_per_bin` fills inside a row, goes on with the next row, or ends with its picker's last row.
-What is unpicked of a row is one interval, because each pass begins or ends at one of its edges.
+A pass is one drive through a row. On it the picker picks what fills its bin, and drives out at the
+other end than it came in. A bin that fills inside a row is left at the row's end. One that is not
+full there goes on with the next row, or is left after the picker's last row. The scenario's
+`order_in_row` says which part of a row a pass picks. What is unpicked of a row stays one interval,
+because each pass begins or ends at one of its edges.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,26 +20,26 @@ FULL_WITHIN = 1e-6
 _OTHER: dict[End, End] = {"west": "east", "east": "west"}
 
 Order = Callable[[float, float, float], float]
-"""Returns the x at which a pass begins to pick, m.
+"""A rule that returns the x at which a pass begins to pick, m.
 
-It gets the x of both edges of what is unpicked and the metres that the pass picks, which are fewer.
-The first edge is the one to which the picker comes first. The pass must begin at the first edge, or
-end at the last one.
+Its arguments are `first` and `last`, the x of both edges of what is unpicked, and `metres`, how
+much the pass picks. The picker comes to `first` first. `metres` is less than the way between the
+edges. The pass must begin at `first`, or end at `last`.
 """
 
 
 def onward(first: float, last: float, metres: float) -> float:
-    """Pick from the edge on to which the picker comes first.
+    """Pick from the first edge on, as an `Order`.
 
-    It then drives through what is unpicked with the full bin.
+    The picker then drives with the full bin through what stays unpicked.
     """
     return first
 
 
 def outward(first: float, last: float, metres: float) -> float:
-    """Pick up to the edge at which the picker drives out, so that its bin is full there.
+    """Pick up to the last edge, as an `Order`, so that the bin is full where the picker drives out.
 
-    It first drives through what stays unpicked.
+    The picker first drives with the empty bin through what stays unpicked.
     """
     if last > first:
         return last - metres
@@ -56,12 +58,13 @@ class Pass(NamedTuple):
     # x at which it begins to pick, and x at which it has picked its part.
     begin: float
     stop: float
-    # Whether it begins beyond fruit that it leaves.
+    # Whether it drives over fruit, which it leaves, before it begins to pick.
     is_inside: bool
-    # Metres of row that are in its bin at that end.
+    # Metres of row that are in its bin when it leaves the row, also from rows before.
     fill: float
+    # Whether the bin is full then.
     is_full: bool
-    # Whether it leaves the bin at that end, which is full or its last one.
+    # Whether it leaves the bin at that end: a full one, or its last one.
     leaves_bin: bool
     # Whether nothing of the row remains to be picked.
     ends_row: bool
@@ -84,8 +87,9 @@ class Unpicked(NamedTuple):
         return self.east - self.west
 
     def towards(self, end: End) -> tuple[float, float]:
-        """Return x of both edges in the order in which a picker comes to them that leaves at an
-        end.
+        """Return x of both edges, that to which a picker comes first before the other.
+
+        `end`: at which the picker leaves the row.
         """
         if end == "east":
             return self.west, self.east
@@ -99,9 +103,11 @@ class Unpicked(NamedTuple):
 
 
 class Filling(NamedTuple):
-    """A bin that is being filled: the metres of row that fill it, and for how many it has room."""
+    """A bin that is being filled. Its fruit is measured in metres of row, m."""
 
+    #: m of row that fill an empty bin.
     capacity: float
+    #: m of row for which there is room left.
     room: float
 
     @classmethod
@@ -127,8 +133,9 @@ class Filling(NamedTuple):
 def passes_in(scenario: Scenario, rows: Sequence[tuple[float, float]], block: Block) -> list[Pass]:
     """Return the passes of a picker by the order that the scenario names.
 
-    That is a built-in one, or a user's function. Raises ScenarioError for an order or a result
-    that cannot be.
+    That is a built-in one, or a user's function. `rows`: x of the west and of the east end of each
+    row of the orchard, m. Raises ScenarioError for a function that cannot be used, or that returns
+    an x at which no pass may begin.
     """
     key = "order_in_row"
     path = scenario.order_in_row
@@ -153,14 +160,16 @@ def passes_of(
     """Return the passes of a picker, in their order.
 
     `rows`: x of the west and of the east end of each row, m. `metres_per_bin`: None if each row
-    fills one bin. Raises ValueError if `order` returns what cannot be.
+    fills one bin. Raises ValueError if `order` returns an x at which no pass may begin.
     """
     passes = list[Pass]()
+    # The end at which the next pass leaves its row.
     end = _OTHER[block.start]
     bin_ = Filling.empty(metres_per_bin or 0.0)
     for count, row in enumerate(block.rows, start=1):
         unpicked = Unpicked(*rows[row - 1])
         if not metres_per_bin:
+            # Each row has a bin of its own, which is as large as the row is long.
             bin_ = Filling.empty(unpicked.length)
         is_last_row = count == len(block.rows)
         while unpicked.length > FULL_WITHIN:
@@ -193,8 +202,13 @@ def passes_of(
 
 
 def _part(order: Order, first: float, last: float, metres: float) -> tuple[float, float]:
-    """Return x at which a pass that does not pick all begins, and x at which it stops, m."""
+    """Return x at which a pass begins to pick, and x at which it stops, m.
+
+    The pass leaves a part of the row: `metres` is less than the way from `first` to `last`. An
+    order may miss an edge by rounding; the edge itself is taken then.
+    """
     begin = order(first, last, metres)
+    # The x from which a pass picks up to the last edge.
     outermost = outward(first, last, metres)
     if not isinstance(begin, float | int):
         raise _wrong(begin, first, last, metres)
@@ -210,7 +224,7 @@ def _part(order: Order, first: float, last: float, metres: float) -> tuple[float
 
 
 def _wrong(begin: object, first: float, last: float, metres: float) -> ValueError:
-    """Return the error for an order that returned what cannot be."""
+    """Return the error for an order that returned something at which no pass may begin."""
     part = f"{metres:g} m of x = {first:g} to {last:g}"
     allowed = f"{first:g} or {outward(first, last, metres):g}"
     return ValueError(f"it returned {begin!r} for {part}; must be {allowed}")

@@ -1,10 +1,10 @@
-"""Work as it is: how fast each picker is, and each row is picked; when a robot fails and for how
-long. All of it is drawn by the seed.
+"""How work varies: the speed at which each picker picks each row, when a robot fails, and how long
+its repair takes. All of it is drawn by the seed.
 
-Of a row's picking time, the time to drive along it at top speed is sure, and the rest is drawn. So
-no row is picked faster than a picker can drive, and mean and deviation of the whole time are
-exactly those that the scenario names. Pickers differ in the same way: each has a mean of its own,
-about which its rows are drawn.
+The time to pick a row has two parts: the time to drive along it at top speed, which is certain, and
+the rest, which is drawn. So no row is picked faster than a picker can drive, and mean and deviation
+of the whole time are exactly those that the scenario names. Pickers differ in the same way: a mean
+is drawn for each picker, and its rows are drawn about that mean.
 """
 
 import math
@@ -14,11 +14,12 @@ from itertools import count
 from orchard.field.repeatable import draw, exp, exponential, log, normal
 from orchard.field.scenario import Scenario, Spread
 
-# What is drawn for a robot: this, and its name.
+# With a robot's name behind it, the name under which its failures are drawn (`repeatable.draw`).
+# `orchard/event_model` draws the same.
 FAILING = "failure of "
-# When somebody is away: begins and ends, s since the harvest began.
+# When a picker is away: begin and end of each absence, s since the harvest began.
 Absences = tuple[tuple[float, float], ...]
-# Pairs of random numbers, uniform in [0, 1).
+# An endless supply of pairs of random numbers, uniform in [0, 1).
 Chances = Iterator[list[float]]
 
 
@@ -43,57 +44,73 @@ def absences_of(scenario: Scenario, robot: str) -> Absences:
 def _slowed(scenario: Scenario, spread: Spread, what: str, mean: float) -> float:
     """Return the speed of a row or of a picker, m/s, drawn by the seed about a mean.
 
-    The spread is that of an usual picker, also for one that has another mean.
+    `what`: the name under which it is drawn, such as "row 3". `mean`: m/s. The spread is that of a
+    picker of mean speed, also for a picker that is faster or slower.
     """
     if spread.distribution == "none":
         return mean
     usual = scenario.mean_picking_speed
     most = scenario.top_picking_speed
-    # Some distributions take more than one pair, and none knows before how many.
+    # Endless, because a distribution takes as many pairs as it needs, and that depends on what it
+    # draws.
     chances = (draw(scenario.seed, f"picking of {what}", number, 2) for number in count())
-    share = _SHARES[spread.distribution](spread.cv * most / (most - usual), chances)
+    # Time for a metre is 1/most + (1/mean - 1/most) * share. Only the second part is drawn, so its
+    # deviation is greater, as a share of its mean, than that of the whole time.
+    cv_of_drawn_part = spread.cv * most / (most - usual)
+    share = _SHARES[spread.distribution](cv_of_drawn_part, chances)
     return most * mean / (mean + (most - mean) * share)
 
 
 def failure(
     seed: int, robot: str, number: int, mean_between: float, mean_repair: float
 ) -> tuple[float, float]:
-    """Return when a robot fails, and how long its repair takes, s. Both are exponential.
+    """Return for how long a robot works until it fails, and how long its repair takes, s.
 
-    `number`: which failure of this robot, from 0. The first time is that of its work since it
-    started or was repaired.
+    Both are exponential. `number`: which failure of this robot, from 0. The first time counts from
+    the start or from the repair before, and only while the robot works. `mean_between`,
+    `mean_repair`: s.
     """
     until, repair = draw(seed, FAILING + robot, number, 2)
     return exponential(until, mean_between), exponential(repair, mean_repair)
 
 
-# -- shares of the mean: random numbers with mean 1 and deviation `cv`
+# -- shares of the mean: random numbers with mean 1 and standard deviation `cv`
 
 
 def _lognormal(cv: float, chances: Chances) -> float:
-    """Return a share whose logarithm is normal, about such a mean that its own mean is 1."""
+    """Return a share whose logarithm is normal.
+
+    The logarithm has the mean -variance / 2, with which the share has the mean 1.
+    """
     variance = log(1.0 + cv * cv)
     return exp(math.sqrt(variance) * normal(*next(chances)) - variance / 2.0)
 
 
 def _gamma(cv: float, chances: Chances) -> float:
-    """Return a share by the method of Marsaglia and Tsang, for shapes of 1 and more.
+    """Return a share that is gamma distributed, for shapes of 1 and more: for a cv of at most 1.
 
-    A simple method for generating gamma variables, ACM TOMS 26 (2000).
+    By the method of Marsaglia and Tsang, whose names d, x and u it keeps: A simple method for
+    generating gamma variables, ACM TOMS 26 (2000). It draws x until one is accepted.
     """
     shape = 1.0 / (cv * cv)
     d = shape - 1.0 / 3.0
     while True:
         x = normal(*next(chances))
-        w, _ = next(chances)
+        u, _ = next(chances)
         cube = (1.0 + x / math.sqrt(9.0 * d)) ** 3
-        if cube > 0.0 and log(1.0 - w) < 0.5 * x * x + d * (1.0 - cube + log(cube)):
+        # 1 - u, because u may be 0, which has no logarithm.
+        if cube > 0.0 and log(1.0 - u) < 0.5 * x * x + d * (1.0 - cube + log(cube)):
             return d * cube / shape
 
 
 def _uniform(cv: float, chances: Chances) -> float:
-    """Return a share that is as far from 1 as sqrt(3) times its deviation, at most."""
-    return max(0.0, 1.0 + math.sqrt(3.0) * cv * (2.0 * next(chances)[0] - 1.0))
+    """Return a share that is uniform about 1.
+
+    A uniform number with standard deviation `cv` lies within sqrt(3) times that of its mean.
+    """
+    u, _ = next(chances)
+    # Rounding must not make it negative where cv is 1 / sqrt(3).
+    return max(0.0, 1.0 + math.sqrt(3.0) * cv * (2.0 * u - 1.0))
 
 
 _SHARES: dict[str, Callable[[float, Chances], float]] = {

@@ -1,8 +1,10 @@
-"""The start poses of people, animals and weeds: the given place if it is free, else the nearest
-free one.
+"""The start poses of people, animals and weeds, for `orchard/field/layout.py`.
 
-A place is free if the circle around the body's box is clear of all obstacles, so the body fits at
-any yaw. Poses are hashed. All lengths are in m.
+The first bodies of each kind have given places, further ones draw random places. A body starts at
+such a place if that is free, else at the nearest free point of a grid. A place is free if the
+circle around the body's box is clear of all obstacles, so the body fits at any yaw. Poses are a
+part of the run's hash, so they are made without functions that differ between machines. All lengths
+are in m.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -21,13 +23,14 @@ from orchard.field.scenario import Scenario
 CLEAR = 0.3
 # m that are kept free ahead of a picker's front edge.
 AHEAD_OF_PICKER = 1.5
-# The area that the tractor sweeps, also while it turns.
+# The area that the tractor sweeps, also while it turns about at each end of its way
+# (orchard/behaviour/tractor.py).
 TRACK = Rect(-48.0, 26.0, -22.0, 32.0)
-# m: the grid step of the search for the nearest free place.
+# m: the step of the grid on which the nearest free place is sought.
 GRID = 0.25
-# Grounds of so many orchards that differ by more than the seed are kept.
+# Orchards whose grounds are in the cache. Orchards that differ by the seed alone share them.
 KEPT_GROUNDS = 4
-# Random places to try. If none is free, the free place nearest to the first of them is taken.
+# Random places to try for a body. If none is free, it gets the free place nearest to the first one.
 TRIES = 20
 
 # The places of the first bodies of each kind: docs/reference.md, "The things in it". All further
@@ -40,7 +43,8 @@ GIVEN = {
     "weed": (),
 }
 
-# m: x, y, half length along x, half width along y, clearance.
+# A box, m: x, y, half length along x, half width along y, and how far a placed body must stay away
+# from it.
 Obstacle = tuple[float, float, float, float, float]
 
 
@@ -78,6 +82,7 @@ def guests(
         solid.append((pose.x, pose.y, kind.length / 2, kind.width / 2, CLEAR))
     areas = [_area(rect) for rect in (keep_off, TRACK, *_ways(machines))]
     bare_grounds = _bare_grounds(tuple(solid), tuple(areas), inside, rows)
+    # Copies, because what is placed is added to them, and the bare ones stay in the cache.
     grounds = {name: copy(ground) for name, ground in bare_grounds.items()}
     of_solid_bodies = [grounds[kind] for kind in ANIMALS + PEOPLE]
     starts = []
@@ -111,7 +116,7 @@ def _bare_grounds(
 
 
 class _Ground:
-    """Where a kind may be placed.
+    """Where bodies of a kind may be placed.
 
     Places are nearly always found without the grid, so it is made when it is first needed.
     """
@@ -119,24 +124,28 @@ class _Ground:
     def __init__(self, within: Rect, kind: str, obstacles: Sequence[Obstacle]) -> None:
         self.within = within
         self.radius = KINDS[kind].radius
+        # x of the columns and y of the rows of the grid.
         self.xs = _steps(within.west, within.east)
         self.ys = _steps(within.south, within.north)
+        # (n, 5), the columns of `Obstacle`.
         self.obstacles = np.array(obstacles)
-        # One grid for all copies of this ground.
-        self._grid = cache(partial(self._closed, obstacles))
+        # Returns which grid points are free. It is `cache`d: it works at its first call only, and
+        # all copies of this ground share what it found.
+        self._grid = cache(partial(self._free_points, obstacles))
         # The obstacles that are not in the grid yet.
         self._taken: list[Obstacle] = []
 
     def take(self, obstacle: Obstacle) -> None:
-        """Add an obstacle."""
+        """Add an obstacle to this ground, and to none of its copies: all arrays are new ones."""
         self.obstacles = np.vstack([self.obstacles, obstacle])
         self._taken = [*self._taken, obstacle]
 
-    def _closed(
+    def _free_points(
         self, obstacles: Iterable[Obstacle], before: np.ndarray | None = None
     ) -> np.ndarray:
-        """Return which grid points are free, (ys, xs) bool: of all, or of those that were
-        `before`.
+        """Return which grid points are free of some obstacles, (ys, xs) bool.
+
+        `before`: the points that are free of all other obstacles; None: all points are.
         """
         if before is None:
             points = np.ones((len(self.ys), len(self.xs)), dtype=bool)
@@ -144,11 +153,12 @@ class _Ground:
             points = before.copy()
         for x, y, half_x, half_y, gap in obstacles:
             reach = gap + self.radius
+            # Only the columns and rows of the grid that the obstacle reaches.
             columns = slice(*np.searchsorted(self.xs, (x - half_x - reach, x + half_x + reach)))
             rows = slice(*np.searchsorted(self.ys, (y - half_y - reach, y + half_y + reach)))
-            beside = np.abs(self.xs[columns] - x)[None, :] - half_x
-            along = np.abs(self.ys[rows] - y)[:, None] - half_y
-            points[rows, columns] &= _squared(beside, along) >= reach * reach
+            beyond_x = np.abs(self.xs[columns] - x)[None, :] - half_x
+            beyond_y = np.abs(self.ys[rows] - y)[:, None] - half_y
+            points[rows, columns] &= _squared(beyond_x, beyond_y) >= reach * reach
         return points
 
     def is_free(self, x: float, y: float) -> bool:
@@ -165,10 +175,13 @@ class _Ground:
         Of equally near ones it is the southernmost, then the westernmost. Raises ValueError if none
         is free.
         """
-        points = self._closed(self._taken, self._grid())
+        points = self._free_points(self._taken, self._grid())
+        # From now on the grid of this ground, not of its copies, has what was taken.
         self._grid = cache(lambda: points)
         self._taken = []
         squared = _squared(np.abs(self.xs - x)[None, :], np.abs(self.ys - y)[:, None])
+        # argmin takes the first of equal ones: rows go from south to north, columns from west to
+        # east. If no point is free it takes one that is not.
         distance = np.where(points, squared, np.inf)
         row, column = divmod(int(np.argmin(distance)), len(self.xs))
         if not points[row, column]:
@@ -177,31 +190,48 @@ class _Ground:
 
 
 def _place(seed: int, kind: str, number: int, ground: _Ground, shared: Iterable[_Ground]) -> Start:
-    """Return the start of a body, and take its place on all grounds that are `shared`."""
+    """Return the start of a body, and take its place on all grounds that are `shared`.
+
+    `ground`: where the body may stand. `shared`: the grounds of all bodies that must stay off it.
+    """
     name = name_of(kind, number)
-    places = GIVEN[kind][number - 1 : number] or _random_places(ground.within, seed, name)
-    place = next((place for place in places if ground.is_free(*place)), None)
-    x, y = place or ground.nearest(*places[0])
+    given = GIVEN[kind]
+    if number <= len(given):
+        places: Sequence[tuple[float, float]] = [given[number - 1]]
+    else:
+        places = _random_places(ground.within, seed, name)
+    x, y = _first_free(places, ground)
     for shared_ground in shared:
         shared_ground.take((x, y, 0.0, 0.0, KINDS[kind].radius + CLEAR))
     return Start(name, kind, Pose(x, y, _yaw(seed, name, kind)))
 
 
-def _random_places(area: Rect, seed: int, name: str) -> tuple[tuple[float, float], ...]:
+def _first_free(places: Sequence[tuple[float, float]], ground: _Ground) -> tuple[float, float]:
+    """Return the first of some places that is free, else the free grid point nearest to the first
+    of them, m.
+    """
+    for x, y in places:
+        if ground.is_free(x, y):
+            return x, y
+    return ground.nearest(*places[0])
+
+
+def _random_places(area: Rect, seed: int, name: str) -> list[tuple[float, float]]:
+    """Return TRIES random places in an area, m, in whole centimetres, for the body of a name."""
     width = area.east - area.west
     height = area.north - area.south
     places = []
     for number in range(TRIES):
         u, v = draw(seed, f"place of {name}", number, 2)
         places.append((round(area.west + u * width, 2), round(area.south + v * height, 2)))
-    return tuple(places)
+    return places
 
 
 def _yaw(seed: int, name: str, kind: str) -> float:
     """Return a yaw, rad: people face along a heading, animals anywhere, weeds east."""
     (u,) = draw(seed, f"yaw of {name}", 0)
     if kind in PEOPLE:
-        return tuple(HEADINGS.values())[int(4.0 * u)]
+        return tuple(HEADINGS.values())[int(len(HEADINGS) * u)]
     if kind in ANIMALS:
         return wrap(TURN * u)
     return EAST
@@ -223,13 +253,16 @@ def _in_order(scenario: Scenario) -> list[tuple[str, int]]:
 
 
 def _has_no_given_place(body: tuple[str, int]) -> bool:
-    """Whether a place is drawn for a person or an animal. `body`: kind and number."""
+    """Whether a place is drawn for a person or an animal. `body`: kind and number.
+
+    As a key of sorting it puts those with given places first, because False sorts before True.
+    """
     kind, number = body
     return number > len(GIVEN[kind])
 
 
 def _ways(machines: list[Start]) -> list[Rect]:
-    """Return the ground ahead of each picker that is kept free."""
+    """Return the ground ahead of each picker that is kept free, so that it can start."""
     half_length = KINDS["picker"].length / 2
     half_width = KINDS["picker"].width / 2
     ways = []
@@ -253,12 +286,17 @@ def _area(rect: Rect) -> Obstacle:
 
 
 def _steps(first: float, last: float) -> np.ndarray:
+    """Return the coordinates of a grid from `first` to at most `last`, GRID apart, (n,), m."""
     return first + GRID * np.arange(int((last - first) / GRID) + 1)
 
 
-def _squared(beside: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Return the square of the distance from boxes. A negative part lies within a box."""
-    beside = np.maximum(beside, 0.0)
-    along = np.maximum(along, 0.0)
-    squared: np.ndarray = beside * beside + along * along
+def _squared(beyond_x: np.ndarray, beyond_y: np.ndarray) -> np.ndarray:
+    """Return the square of the distance from boxes, m2.
+
+    `beyond_x`, `beyond_y`: how far points lie beyond the sides of the boxes along x and y, m;
+    negative between two sides. Both shapes are broadcast.
+    """
+    outside_x = np.maximum(beyond_x, 0.0)
+    outside_y = np.maximum(beyond_y, 0.0)
+    squared: np.ndarray = outside_x * outside_x + outside_y * outside_y
     return squared

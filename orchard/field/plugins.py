@@ -1,5 +1,7 @@
-"""Loads the users' classes and functions that a scenario names, or refuses them with the reason and
-its place.
+"""Loads the classes and functions of users that a scenario names.
+
+Such code is called a plug-in, or the user's own. It may fail in any way. So it is called through
+`contained`, and its errors become a ScenarioError with the place in the user's files (`unusable`).
 """
 
 import ctypes
@@ -22,34 +24,44 @@ from typing import Any, TypeVar
 
 from orchard.field.problems import Problem, ScenarioError, printable
 
-# Raised by a user's code: whatever it is, it must not end other agents or the run (see
-# `reraise_ctrl_c`).
+# What is caught where a user's code is called: all that it may raise, also SystemExit, so that it
+# ends neither other agents nor the run. Ctrl-C is not the code's (see `reraise_ctrl_c`).
 MISTAKES = BaseException
-LEFT_SECONDS = 2.0  # that threads of a user's code may still run when the program is over
+# For how long threads of a user's code may still run when the program is over, s.
+LEFT_SECONDS = 2.0
+# Characters of an error of a user's code that are shown at most.
+LONGEST_FAULT = 500
 IMPORTED = (
     "modules are imported from the directory in which you run the program, or from PYTHONPATH"
 )
+# Python's instruction for the statement `raise`.
 _RAISE = dis.opmap["RAISE_VARARGS"]
+# The folder of the package `orchard`, and the folders of Python's own modules and of libraries,
+# which tell the user's own files from all others.
 _PACKAGE = __file__.removesuffix("field/plugins.py")
 _LIBRARIES = tuple(
     {sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")}
 )
 
 
-# Resets the processor's floating-point flags of this thread, if it gets FE_DFL_ENV, as Linux
-# defines that.
+# The function fesetenv of C sets the processor's floating-point flags of this thread. Linux defines
+# its argument FE_DFL_ENV, the default flags, as the pointer -1. Elsewhere `bool` takes its place,
+# which does nothing.
 _SET_FLAGS = ctypes.CDLL(None).fesetenv if sys.platform == "linux" else bool
 _DEFAULT_FLAGS = ctypes.c_void_p(-1)
 Result = TypeVar("Result")
 
 
 def contained(call: Callable[..., Result], *arguments: Any) -> Result:
-    """Call a user's code, which may set what counts for a whole thread: numpy's treatment of
-    errors, decimal's context, Python's recursion limit and, on Linux, the processor's
-    floating-point flags. At its end they are as before, so no agent changes what others compute.
+    """Call a user's code, and return what it returns.
+
+    The code may change settings of the whole thread: numpy's treatment of errors, decimal's
+    context, Python's recursion limit and, on Linux, the processor's floating-point flags. After the
+    call they are as before, so no agent changes what others compute.
     """
     limit = sys.getrecursionlimit()
     try:
+        # numpy and decimal keep their settings in the context, of which the code gets a copy.
         return copy_context().run(_with_own_decimals, call, *arguments)
     finally:
         sys.setrecursionlimit(limit)
@@ -63,8 +75,10 @@ def _with_own_decimals(call: Callable[..., Result], *arguments: Any) -> Result:
 
 
 def end_soon(code: int, show: Callable[[str], None]) -> None:
-    """Let this process, which is about to end, not wait for threads that a user's code has left:
-    `show` gets their names, and it ends.
+    """End this process with the exit code `code` in LEFT_SECONDS, if it has not ended by then.
+
+    Call it when the process is about to end: Python would wait for all threads that a user's code
+    has left. `show` then gets a sentence with their names.
     """
     timer = threading.Timer(LEFT_SECONDS, _end_threads, (code, show))
     timer.daemon = True
@@ -101,8 +115,9 @@ def import_own(module: str) -> ModuleType:
 
 
 def load_plugin(key: str, path: str) -> Any:
-    """Return the object at `path`, 'module.name' or 'module:name', which the scenario names in
-    `key`. Raises ScenarioError.
+    """Return the object at `path`, 'module.name' or 'module:name'.
+
+    `key`: the scenario's key with this path, for errors. Raises ScenarioError.
     """
     module, _, name = path.replace(":", ".").rpartition(".")
     try:
@@ -121,7 +136,10 @@ def make_plugin(
 ) -> Result:
     """Return an object of the class that `path` names, built-in or a user's.
 
-    Raises ScenarioError if that fails or a method is missing.
+    `key`: the scenario's key with this path, for errors. `builtin`: name -> built-in class.
+    `arguments`: what the class is called with. `methods`: those that the object must have. `base`:
+    of which the class must be derived. Raises ScenarioError if the object cannot be made, or is not
+    of that kind.
     """
     class_: Callable[..., Result] = builtin[path] if path in builtin else load_plugin(key, path)
     try:
@@ -137,14 +155,16 @@ def make_plugin(
 
 
 def made_of(class_: Callable[..., Result], *arguments: Any) -> Result:
-    """Call a user's class.
+    """Return an object of a user's class.
 
-    Raises what it raises; a TypeError of the call itself says with what the program calls it.
+    Raises what the class raises. If its `__init__` takes other arguments, the TypeError says with
+    which arguments the program calls it.
     """
     try:
         return contained(class_, *arguments)
     except TypeError as error:
         last_frame = traceback.extract_tb(error.__traceback__)[-1]
+        # The call itself failed, before any code of the class ran.
         is_of_call = last_frame.name == _with_own_decimals.__name__
         if not is_of_call:
             raise
@@ -155,11 +175,14 @@ def made_of(class_: Callable[..., Result], *arguments: Any) -> Result:
 def unusable(
     key: str, path: str, error: BaseException, wanted: str = "", place: str = ""
 ) -> ScenarioError:
-    """Return the error for a plug-in that cannot be used: the scenario's key, the fault, its place
-    in the user's files, what is allowed.
+    """Return the error for a plug-in that cannot be used.
+
+    `key` and `path`: the scenario's key, and the plug-in that it names. `error`: what was raised.
+    `wanted`: what is allowed, in words. `place`: where the plug-in begins, used if the error has no
+    place in the user's files. Ctrl-C is raised again instead.
     """
     reraise_ctrl_c(error)
-    fault = printable(f"{type(error).__name__}: {text_of(error)}", 500)
+    fault = printable(f"{type(error).__name__}: {text_of(error)}", LONGEST_FAULT)
     own_place = place_of_error(error) or place or _place_of_unimported(path)
     words = f"cannot be used: {fault}{own_place}"
     if wanted:
@@ -170,7 +193,10 @@ def unusable(
 
 
 def _name_of_argument(argument: object) -> str:
-    """Return what an error calls an argument: 'name' for a text, else its class."""
+    """Return what an error calls an argument: 'name' for a text, else its class in small letters.
+
+    Texts that the program gives to a user's class are names of agents.
+    """
     if isinstance(argument, str):
         return "name"
     return type(argument).__name__.lower()
@@ -179,10 +205,11 @@ def _name_of_argument(argument: object) -> str:
 def _place_of_unimported(path: str) -> str:
     """Return the file of the module that could not be imported, as ' (FILE)'; '' if it is unknown.
 
-    `path`: of a class. Python does not say which file it could not read, as one with a null byte.
+    `path`: of a class. It is needed where Python's error has no file, as for one with a null byte.
     """
     module = path.replace(":", ".").rpartition(".")[0]
     parts = module.split(".")
+    # Where the next part is looked for; None: on Python's path, as for the first part.
     folders = None
     for count in range(1, len(parts) + 1):
         name = ".".join(parts[:count])
@@ -204,11 +231,12 @@ def _is_not_found(error: BaseException, path: str) -> bool:
     if not isinstance(error, ModuleNotFoundError):
         return False
     dotted_path = path.replace(":", ".")
+    # A dot at the end of both, so that `my` is no part of `my_package.MyPicker`.
     return f"{dotted_path}.".startswith(f"{error.name}.")
 
 
 def text_of(error: BaseException) -> str:
-    """Return the text of an error of a user's code. Its `__str__` may itself raise one."""
+    """Return the text of an error of a user's code, also if its `__str__` raises one itself."""
     try:
         return str(error)
     except MISTAKES as second:
@@ -217,9 +245,12 @@ def text_of(error: BaseException) -> str:
 
 
 def reraise_ctrl_c(error: BaseException) -> None:
-    """Raise an error again if a signal's handler raised it, as for Ctrl-C at the terminal, and not
-    a user's code by itself.
+    """Raise an error again if a signal's handler raised it, and not a user's code by itself.
+
+    So Ctrl-C at the terminal ends the program, also where all errors of a user's code are caught.
     """
+    # The code of each frame in the traceback, from the outermost, and the place in the innermost
+    # one where the error was raised.
     codes = []
     last_instruction = -1
     entry = error.__traceback__
@@ -233,21 +264,25 @@ def reraise_ctrl_c(error: BaseException) -> None:
             raise error
     if not isinstance(error, KeyboardInterrupt) or on_ctrl_c is not signal.default_int_handler:
         return
-    # Python's own handler has no frame, and needs no `raise`.
+    # Python's own handler of Ctrl-C has no frame: it interrupts any instruction. A user's code that
+    # raises KeyboardInterrupt itself does so by `raise`.
     is_raised_by_code = bool(codes) and codes[-1].co_code[last_instruction] == _RAISE
     if not is_raised_by_code:
         raise error
 
 
 def place_of_error(error: BaseException) -> str:
-    """Return the place in the user's files where an error was raised, as ' (FILE, line N)', also if
-    a library raised it; '' without one.
+    """Return the place in the user's files from which an error comes, as ' (FILE, line N)'.
+
+    If a library raised it, that is where the user's code called the library. Without a place in the
+    user's files it is that in the library; '' if there is none either.
     """
     if isinstance(error, SyntaxError) and error.filename is not None:
         return f" ({error.filename}, line {error.lineno})"
-    # The innermost places, from the outside to the inside, in any file but the program's own.
+    # The innermost place in any file but the program's own, and in a file of the user.
     innermost = ""
     innermost_of_user = ""
+    # From the outermost frame to the innermost one, so the last place stays.
     for frame in traceback.extract_tb(error.__traceback__):
         if "importlib" in frame.filename or frame.filename.startswith(_PACKAGE):
             continue
@@ -262,16 +297,12 @@ def place_of_error(error: BaseException) -> str:
 
 
 def is_own(file: str) -> bool:
-    """Return whether a file of Python is the user's own: neither of this package nor of a
-    library.
-    """
+    """Whether a Python file is the user's own: neither of this package nor of a library."""
     return file.endswith(".py") and not file.startswith((_PACKAGE, *_LIBRARIES))
 
 
 def place_of_class(class_: Callable[..., Any]) -> str:
-    """Return the place where a class or a function begins, as ' (FILE, line N)'; '' if it is
-    unknown.
-    """
+    """Return the place where a class or a function begins, as ' (FILE, line N)'; '' if unknown."""
     try:
         _, line = inspect.getsourcelines(class_)
         return f" ({inspect.getsourcefile(class_)}, line {line})"

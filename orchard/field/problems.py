@@ -1,5 +1,8 @@
-"""Error reports for a scenario that cannot be used: file, line, key, value, what is allowed; and
-what all its sections are.
+"""Error reports for a scenario that cannot be used: file, line, key, value and what is allowed.
+
+Pydantic checks the values, and its errors become `Problem`s here: `errors_of` adds to each error
+the fields that it is about, and `problems_of` puts it into words. `Section` is the base class of
+all sections of a scenario (orchard/field/scenario).
 """
 
 import difflib
@@ -14,14 +17,19 @@ from pydantic_core import PydanticCustomError
 
 from orchard.field.kinds import KINDS
 
-MOST_NAMED = 50  # problems in the text of a ScenarioError
+# Problems in the text of a ScenarioError, at most.
+MOST_NAMED = 50
 # What pydantic calls an unknown key.
 UNKNOWN = "extra_forbidden"
-LONGEST = 200  # characters of a line of a user's code
+# Characters of a line of text from elsewhere, at most.
+LONGEST = 200
+# Characters of a value or of a part of a path, at most.
+LONGEST_VALUE = 60
 
-Lines = dict[tuple[str, ...], int]  # path in the file -> its line, from 1
+# Path of a key in the file, as ("people", "workers") -> its line, from 1.
+Lines = dict[tuple[str, ...], int]
 
-# What each map of names and classes must be.
+# Key of the scenario whose value is a map of names and classes -> what the map must be.
 _CLASSES = {
     "agents": (
         f"a map of kinds ({', '.join(KINDS)}) or names and the classes that drive them: {{picker:"
@@ -31,7 +39,7 @@ _CLASSES = {
         "a map of new names and the classes that drive them: {weather: my_package.Weather}"
     ),
 }
-# The same of other maps, and of a value in them.
+# Key of another map with names -> what the map must be, and what a value in it must be.
 _MAPS = {
     "picker_rates": (
         "a map of pickers and their rates as shares of the usual one: {picker_03: 0.5}",
@@ -43,7 +51,7 @@ _MAPS = {
         "pairs of hours of work, from and to, 0 to 2000: [[0, 4.5]]",
     ),
 }
-# What is wrong with a key of such a map.
+# Key of such a map -> what is wrong with a name in it that is refused.
 _NOT_A_NAME = {
     "picker_absences": "not the name of a picker, such as picker_01",
     "picker_rates": "not the name of a picker, such as picker_01",
@@ -53,12 +61,15 @@ _NOT_A_NAME = {
 
 
 def printable(words: str, most: int = LONGEST) -> str:
-    """Return the text of an agent, a class or a client that may be faulty as one short line,
-    harmless in a terminal, a log and a page.
+    """Return a text from an agent, a class or a client as one short line.
+
+    Such text may be faulty. The line is harmless in a terminal, a log and a page. `most`: its
+    length at most, characters.
     """
     short = words
     if len(words) > most:
         short = words[: most - 3] + "..."
+    # A class derived from str may have an `isprintable` of its own that is wrong.
     if type(short) is str and short.isprintable():
         return short
     return "".join(c if c.isprintable() else "?" for c in short)
@@ -68,11 +79,17 @@ def printable(words: str, most: int = LONGEST) -> str:
 class Problem:
     """One fault in a scenario: its place, the value there, and what is allowed."""
 
-    file: str  # or another source of the values
-    text: str  # what is wrong, and what is allowed
-    path: str = ""  # dotted path in the file, or several with commas; empty: the whole file
-    value: str = ""  # as text, one for each path; empty if the path itself is wrong
-    line: int = 0  # from 1; 0: unknown
+    #: The file, or another source of the values, as "changes".
+    file: str
+    #: What is wrong, and what is allowed.
+    text: str
+    #: Dotted path in the file, or several with ", " between them; empty: the whole file.
+    path: str = ""
+    #: The value as text, or one for each path with ", " between them; empty if the path itself is
+    #: wrong.
+    value: str = ""
+    #: Line of the file, from 1; 0: unknown.
+    line: int = 0
 
     @property
     def what(self) -> str:
@@ -82,6 +99,7 @@ class Problem:
         """
         paths = self.path.split(", ")
         values = self.value.split(", ")
+        # A comma in a single value is no separator.
         if len(paths) != len(values):
             paths = [self.path]
             values = [self.value]
@@ -107,7 +125,10 @@ class Problem:
 
 @dataclass(frozen=True)
 class Called:
-    """A mark of a field: what a value of it must be, in words, where its type does not say it."""
+    """A mark in the annotation of a field: what its value must be, in words.
+
+    It is for fields of which the type alone does not tell that, such as a time of day.
+    """
 
     words: str
 
@@ -117,12 +138,12 @@ class ScenarioError(Exception):
 
     `problems` holds all its faults in file order; the message names the first MOST_NAMED of them.
 
-    `rest`: the scenario with the defaults in place of all that is wrong; None if nothing of it can
-    be read.
+    `rest` is the scenario with the defaults in place of all that is wrong; None if nothing of it
+    can be read.
     """
 
     def __init__(self, problems: list[Problem], rest: Any = None) -> None:
-        """`problems`: in any order. `rest`: as above."""
+        """`problems`: in any order. `rest`: see the class."""
         self.problems = sorted(problems, key=lambda problem: problem.line)
         self.rest = rest
         lines = [str(problem) for problem in self.problems[:MOST_NAMED]]
@@ -132,13 +153,17 @@ class ScenarioError(Exception):
         super().__init__("\n".join(lines))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Be pickled as the problems, so that it comes out of a worker process as it is."""
+        """Return how to make the same error again, for pickle: it may come from a worker process.
+
+        By default pickle would give `__init__` the message, and not the problems.
+        """
         return type(self), (self.problems, self.rest)
 
 
 class Section(BaseModel):
-    """A section of a scenario: a map with known keys, strictly typed, with rules about several of
-    their fields.
+    """A section of a scenario: a map with known keys and strictly typed values.
+
+    A section may have rules about several of its fields, which it checks with `_demand`.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
@@ -151,15 +176,17 @@ class Section(BaseModel):
             errors = errors_of(failure)
         else:
             return
+        # Outside of `except`, so that pydantic's error is not shown beside this one.
         raise ScenarioError(problems_of(errors, type(self), type(self).__name__, {}))
 
-    # A whole scenario is validated at once, with what is in its sections.
+    # Tells pydantic that this `__init__` only wraps its own. So a scenario is validated at once
+    # with all its sections, and pydantic calls no `__init__` for each section.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     def _demand(self, is_met: bool, text: str, *fields: str) -> None:
-        """Check a rule about several fields, named by dotted paths.
+        """Raise an error that names some fields and their values, unless a rule about them is met.
 
-        Raise an error that names them and their values unless it is met.
+        `text`: what is wrong, and what is allowed. `fields`: dotted paths in this section.
         """
         if not is_met:
             values = [reduce(getattr, field.split("."), self) for field in fields]
@@ -169,17 +196,19 @@ class Section(BaseModel):
 
 
 def errors_of(failure: ValidationError) -> list[dict[str, Any]]:
-    """Return the errors of pydantic, for `problems_of`.
+    """Return the errors of a failure of pydantic, for `problems_of`.
 
-    Each has the paths of the fields that it is about, and whether it is about a key of a map.
+    Each is pydantic's own dict, with the changes of `_located`.
     """
     details = failure.errors(include_url=False)
     return [_located(error) for error in details if not _follows_from_others(error)]
 
 
 def _follows_from_others(error: Any) -> bool:
-    """Whether an error only follows from others: pydantic does not count the invalid items of a
-    list, and then says that the list is too short.
+    """Whether an error only follows from others.
+
+    Pydantic does not count the invalid items of a list. So it may add that the list is too short,
+    although it has enough items.
     """
     return bool(
         error["type"] == "too_short" and error["ctx"]["actual_length"] < len(error["input"])
@@ -187,10 +216,14 @@ def _follows_from_others(error: Any) -> bool:
 
 
 def _located(error: Any) -> dict[str, Any]:
-    """Return an error of pydantic with the paths of the fields that it is about, and whether it is
-    about a key of a map.
+    """Return an error of pydantic with three entries for `problems_of`.
+
+    `loc`: the path of the section or of the field, as texts. `fields`: the paths of all fields that
+    the error is about; a rule is about several. `of_key`: whether it is about a key of a map with
+    names, and not about a value.
     """
     location = error["loc"]
+    # Pydantic puts "[key]" behind the path of a map's key that is wrong.
     of_key = location[2:] == ("[key]",)
     if of_key:
         location = location[:2]
@@ -204,13 +237,15 @@ def _located(error: Any) -> dict[str, Any]:
 def problems_of(
     errors: Iterable[dict[str, Any]], model: type[BaseModel], source: str, lines: Lines
 ) -> list[Problem]:
-    """Return the problems that errors of `errors_of` are, about values of `model`, in file order.
+    """Return the errors of `errors_of` as problems, in file order.
 
+    `model`: the section whose values they are about. `source`: names the file in the problems.
     `lines`: the line of each key.
     """
     in_order = sorted(errors, key=lambda error: _line_of(error, lines))
     unknown = [error for error in in_order if error["type"] == UNKNOWN]
-    # To look for a known key like an unknown one takes 3 ms, and a text names these only.
+    # To look for a known key that is like an unknown one takes 3 ms. So it is done only for as many
+    # unknown keys as the text of a ScenarioError names.
     explained = {error["loc"] for error in unknown[:MOST_NAMED]}
     problems = []
     for error in in_order:
@@ -231,7 +266,7 @@ def _line_of(error: dict[str, Any], lines: Lines) -> int:
 def _problem_of(
     error: dict[str, Any], model: type[BaseModel], source: str, lines: Lines
 ) -> Problem:
-    """Convert an error about values of `model`; `lines` gives the line of each key."""
+    """Return an error as a problem. The parameters are those of `problems_of`."""
     path = error["loc"]
     line = _line_of(error, lines)
     if error["type"] == "rule":
@@ -242,6 +277,7 @@ def _problem_of(
         return Problem(source, _NOT_A_NAME[path[0]], dotted(path), "", line)
     if error["type"] == "missing":
         text = f"is missing: {_wanted(path, model)}"
+        # A missing key has no line; that of its section is shown.
         return Problem(source, text, dotted(path), "", lines.get(path[:-1], 0))
     if error["type"] == UNKNOWN:
         text = _unknown(path, model)
@@ -260,10 +296,12 @@ _TYPES: dict[Any, str] = {
 
 
 def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
-    """The allowed values of a field: 'a number from 5.0 to 12.0 (width of a row between its trees,
-    m)'.
+    """Return what the value at a path must be, in words.
+
+    For example 'a number from 5.0 to 12.0 (width of a row between its trees, m)'.
     """
     key = path[0]
+    # Else the path leads into the map that the key has.
     is_whole_key = len(path) == 1
     if key in _MAPS:
         of_map, of_value = _MAPS[key]
@@ -279,6 +317,7 @@ def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
 
 def _wanted_of_field(path: tuple[str, ...], field: FieldInfo) -> str:
     """Return the allowed values of a field that is no map of names, nor of classes."""
+    # Limits of pydantic and the marks of this program, by the names of their classes.
     limits = {type(limit).__name__: limit for limit in field.metadata}
     if "Called" in limits:
         return f"{limits['Called'].words} ({field.description})"
@@ -297,7 +336,7 @@ def _wanted_of_field(path: tuple[str, ...], field: FieldInfo) -> str:
 
 
 def _type_words(annotation: Any) -> str:
-    """Return what a field must be by its type, or by its type and None."""
+    """Return what a field must be by its type: one of `_TYPES`, or one of them or None."""
     if annotation in _TYPES:
         return _TYPES[annotation]
     (words,) = (words for type_, words in _TYPES.items() if annotation == type_ | None)
@@ -315,17 +354,17 @@ def _guess(path: tuple[str, ...], model: type[BaseModel], value: Any) -> str:
     if path[0] in (*_CLASSES, *_MAPS) or not isinstance(value, str):
         return ""
     known_names = map(str, _field(path, model).examples or [])
-    near = difflib.get_close_matches(value[:60], known_names, n=1)
+    near = difflib.get_close_matches(value[:LONGEST_VALUE], known_names, n=1)
     if near:
         return f"; did you mean {near[0]}?"
     return ""
 
 
 def _unknown(path: tuple[str, ...], model: type[BaseModel]) -> str:
-    """Return what to say of an unknown key: the key it may stand for, here or elsewhere."""
+    """Return what to say of an unknown key: the key that may be meant, here or elsewhere."""
     here = _keys(path[:-1], model)
     elsewhere = _paths(model)
-    key = path[-1].lower().replace("-", "_").replace(" ", "_")[:60]
+    key = path[-1].lower().replace("-", "_").replace(" ", "_")[:LONGEST_VALUE]
     near_here = difflib.get_close_matches(key, here, n=1)
     near_elsewhere = difflib.get_close_matches(key, elsewhere, n=1)
     if near_here:
@@ -338,22 +377,27 @@ def _unknown(path: tuple[str, ...], model: type[BaseModel]) -> str:
 
 
 def _paths(model: type[BaseModel], before: str = "") -> dict[str, str]:
-    """Return the dotted path of each key of a section and of those in it; the outer one wins.
+    """Return the dotted path of each key of a section and of the sections in it.
 
-    `before`: the path of the section, with a dot at its end.
+    If several sections have the same key, it is the path of the outermost one. `before`: the path
+    of the section with a dot at its end; "" for the scenario.
     """
     paths: dict[str, str] = {}
     for name, field in model.model_fields.items():
         section = _section(field)
         if section is not None:
             paths |= _paths(section, f"{before}{name}.")
+    # Last, because they take the place of equal keys further in.
     for name in model.model_fields:
         paths[name] = before + name
     return paths
 
 
 def _keys(path: tuple[str, ...], model: Any) -> dict[str, FieldInfo]:
-    """The fields of the section at a path. A number in it is a place in a list of sections."""
+    """Return the fields of the section at a path, by their keys.
+
+    A number in the path is a place in a list of sections.
+    """
     for part in path:
         if not part.isdecimal():
             model = _section(model.model_fields[part])
@@ -362,7 +406,7 @@ def _keys(path: tuple[str, ...], model: Any) -> dict[str, FieldInfo]:
 
 
 def _section(field: FieldInfo) -> type[BaseModel] | None:
-    """Return the section that a field is, or a list of which it is; None for a value."""
+    """Return the class of the section that a field holds, alone or in a list; None for a value."""
     for type_ in (field.annotation, *get_args(field.annotation)):
         if isinstance(type_, type) and issubclass(type_, BaseModel):
             return type_
@@ -370,7 +414,7 @@ def _section(field: FieldInfo) -> type[BaseModel] | None:
 
 
 def key_text(key: Any) -> str:
-    """Return a key of any type as readable text."""
+    """Return a key of any type as readable text: a printable text as it is, all else as `show`."""
     if isinstance(key, str) and key.isprintable() and key:
         return key
     return show(key)
@@ -382,7 +426,7 @@ def dotted(path: tuple[str, ...]) -> str:
 
 
 def show(value: Any) -> str:
-    """Return a value of any type as YAML text, at most 60 characters."""
+    """Return a value of any type as YAML text, at most LONGEST_VALUE characters."""
     if value is None:
         return "null"
     if isinstance(value, bool):
@@ -396,7 +440,7 @@ def show(value: Any) -> str:
 
 
 def _shortened(text: str) -> str:
-    """Return a text, or its first 57 characters if it has more than 60."""
-    if len(text) <= 60:
+    """Return a text, or its begin and "..." if it has more than LONGEST_VALUE characters."""
+    if len(text) <= LONGEST_VALUE:
         return text
-    return text[:57] + "..."
+    return text[: LONGEST_VALUE - 3] + "..."

@@ -1,8 +1,11 @@
 """Functions with the same bits on every machine: sine, cosine, atan2, log, exp, and random numbers.
 
-They use + - * / and sqrt only. libm and numpy's SIMD variants of these functions differ between
-processors, so no value that the run's hash covers uses them. Each term of a series is a statement
-of its own: the order of the operations decides the bits.
+They use + - * / and sqrt only. The variants of libm and of numpy differ between processors in their
+last bits, so no value that the run's hash covers uses them. Each term of a series is a statement of
+its own: the order of the operations decides the bits.
+
+The series are Taylor's, from the last term inwards (Horner's scheme). They have as many terms as a
+float can show for the small arguments to which each function reduces its own.
 
 A random number depends only on (seed, name, tick), so an agent that is restarted draws the same.
 """
@@ -10,17 +13,20 @@ A random number depends only on (seed, name, tick), so an agent that is restarte
 import hashlib
 import math
 
+# A half turn, a whole turn and a quarter turn, rad.
 PI = math.pi
 TURN = 2.0 * math.pi
 QUARTER = 0.5 * math.pi
 
-# pi/2: its first 33 bits, and the rest. So a multiple of the first part is exact.
+# pi/2 in two parts: its first 33 bits, and the rest. So a small whole multiple of the first part is
+# exact, because a float holds 53 bits.
 _QUARTER_HIGH = 1.5707963267341256
 _QUARTER_LOW = 6.077100506506192e-11
 # ln 2, in the same way.
 _LN2_HIGH = 0.6931471803691238
 _LN2_LOW = 1.9082149292705877e-10
 _SQRT_HALF = 0.7071067811865476
+# arctan(0/8), arctan(1/8), ... arctan(8/8), rad.
 _ARCTAN_OF_EIGHTHS = (
     0.0,
     0.12435499454676144,
@@ -35,7 +41,10 @@ _ARCTAN_OF_EIGHTHS = (
 
 
 def sine_series(r: float) -> float:
-    """Return sin(r) for |r| <= pi/4, r in rad."""
+    """Return sin(r) for |r| <= pi/4, r in rad.
+
+    The divisors are 2 * 3, 4 * 5, ... 14 * 15: each term of the series follows from the one before.
+    """
     s = r * r
     tail = 1.0 - s / 210.0
     tail = 1.0 - s / 156.0 * tail
@@ -48,7 +57,10 @@ def sine_series(r: float) -> float:
 
 
 def cosine_series(r: float) -> float:
-    """Return cos(r) for |r| <= pi/4, r in rad."""
+    """Return cos(r) for |r| <= pi/4, r in rad.
+
+    The divisors are 1 * 2, 3 * 4, ... 15 * 16.
+    """
     s = r * r
     tail = 1.0 - s / 240.0
     tail = 1.0 - s / 182.0 * tail
@@ -80,7 +92,10 @@ def sin_cos(angle: float) -> tuple[float, float]:
 
 
 def arctan_unit(t: float) -> float:
-    """Return the arc tangent of t for 0 <= t <= 1, rad."""
+    """Return the arc tangent of t for 0 <= t <= 1, rad.
+
+    It is that of the nearest eighth, which is known, plus that of r, which is small.
+    """
     eighth = int(t * 8.0 + 0.5)
     known = eighth / 8.0
     r = (t - known) / (1.0 + t * known)
@@ -124,7 +139,11 @@ def wrap(angle: float) -> float:
 
 
 def log(x: float) -> float:
-    """Return the natural logarithm of a finite x > 0."""
+    """Return the natural logarithm of a finite x > 0.
+
+    x = mantissa * 2**exponent, with a mantissa about 1. The logarithm of the mantissa is
+    2 * (z + z**3 / 3 + z**5 / 5 + ...).
+    """
     mantissa, exponent = math.frexp(x)
     if mantissa < _SQRT_HALF:
         mantissa *= 2.0
@@ -144,7 +163,10 @@ def log(x: float) -> float:
 
 
 def exp(x: float) -> float:
-    """Return e to the power of x for |x| <= 700."""
+    """Return e to the power of x for |x| <= 700.
+
+    It is 2**twos times e to the power of r, for which |r| <= ln(2) / 2.
+    """
     twos = math.floor(x / (_LN2_HIGH + _LN2_LOW) + 0.5)
     r = (x - twos * _LN2_HIGH) - twos * _LN2_LOW
     series = 1.0
@@ -154,12 +176,17 @@ def exp(x: float) -> float:
 
 
 def draw(seed: int, name: str, tick: int, count: int = 1) -> list[float]:
-    """Return `count` (at most 8) random numbers, uniform in [0, 1), for one agent at one tick."""
+    """Return `count` (at most 8) random numbers, uniform in [0, 1).
+
+    `name`: of the agent, or of what is drawn. `tick`: of the run, or another number by which draws
+    of the same name differ.
+    """
+    # 64 bytes, the longest digest of BLAKE2b: 8 bytes for each of 8 numbers.
     digest = hashlib.blake2b(f"{seed}/{name}/{tick}".encode(), digest_size=64).digest()
     numbers = []
     for i in range(count):
         eight_bytes = digest[8 * i : 8 * i + 8]
-        # A float holds 53 bits.
+        # A float holds 53 of the 64 bits; the 11 lowest are dropped.
         numbers.append((int.from_bytes(eight_bytes, "little") >> 11) / 2.0**53)
     return numbers
 

@@ -1,8 +1,9 @@
 """Rounds: how long a picker must be watched until its rate is that of all its rows.
 
-Rows are picked at different speeds, and a bin fills inside a row or goes on with the next one. So
-a picker is fast for some bins, and slow for others. Only over whole rounds of its rows has its rate
-a meaning. The long run of the fast model is taken over whole rounds.
+In the long run of the event model pickers pick their rows again and again. Rows are picked at
+different speeds, and a bin fills inside a row or goes on with the next one. So a picker fills some
+bins fast, and others slowly, and its rate has a meaning only over whole rounds: until the same rows
+are before it again. An exchange is the moment at which a picker gets an empty bin for a full one.
 """
 
 from collections.abc import Sequence
@@ -12,11 +13,13 @@ from math import ceil, floor
 from orchard.field.layout import Layout
 from orchard.field.rows import Block
 
-# A rate is of so many bins at least, so that one exchange more or less does not count.
+# A rate is taken over so many bins at least, so that one exchange more or less changes it little.
 LEAST_BINS = 20
-# A rate is the mean of so many windows, one exchange apart: bins fill at one end of a row, then at
-# the other, and a carrier needs longer for one of them. So windows begin at either end.
+# A rate is the mean over so many windows. Each window begins one exchange later than the one
+# before. Bins fill at one end of a row, then at the other, and a carrier needs longer to one of
+# them. So windows begin at either end.
 WINDOWS = 8
+# Bins by which a sum of parts of bins may differ from a whole number.
 ROUNDING = 1e-9
 
 
@@ -31,42 +34,47 @@ class Round:
 
     @property
     def least(self) -> int:
-        """The rounds that a rate needs at least."""
+        """The number of rounds over which a rate is taken, at least."""
         return ceil(LEAST_BINS / self.bins - ROUNDING)
 
     @property
     def least_exchanges(self) -> int:
-        """The exchanges that a rate needs at least."""
+        """The number of exchanges that a rate needs, at least: those of its rounds and windows."""
         return ceil(self.least * self.bins - ROUNDING) + WINDOWS
 
     @property
     def least_rows(self) -> int:
-        """The rows that a picker must pick for so many exchanges."""
+        """The number of rows in which a picker has `least_exchanges`.
+
+        One exchange is added because the first bin is begun with no exchange.
+        """
         return ceil((self.least_exchanges + 1) * self.rows / self.bins)
 
     def suffice(self, exchanges: int) -> bool:
-        """Whether so many exchanges have the whole rounds of a rate."""
+        """Whether so many exchanges are enough for a rate."""
         return self._rounds(exchanges - WINDOWS) >= self.least
 
     def _rounds(self, exchanges: int) -> int:
-        """Return how many whole rounds so many exchanges have."""
+        """Return how many whole rounds lie within so many exchanges."""
         rounds = max(0, floor(exchanges / self.bins + ROUNDING))
-        # The list has only whole exchanges: a part of a bin needs the whole one.
+        # There are times of whole bins only, so a round that ends inside a bin needs also the
+        # exchange of that bin.
         while rounds and ceil(rounds * self.bins - ROUNDING) > exchanges:
             rounds -= 1
         return rounds
 
     def rate(self, exchanges: Sequence[float]) -> float | None:
-        """Return the rate over as many whole rounds as end with the last exchanges, bins a unit of
-        time.
+        """Return the rate of a picker over as many whole rounds as it had, bins a unit of time.
 
-        `exchanges`: the times at which the picker got an empty bin for a full one, in their order.
-        None if there were too few rounds between the first and the last one.
+        `exchanges`: the times of its exchanges, in their order, in that unit. The last exchanges
+        count, because the first ones are those of the harvest's beginning. None if there were too
+        few exchanges.
         """
         if not self.suffice(len(exchanges)):
             return None
         most = len(exchanges) - WINDOWS
         bins = self._rounds(most) * self.bins
+        # The exchange at which the first window begins. The last window ends with the last one.
         first = most - ceil(bins - ROUNDING)
         elapsed = [_elapsed(exchanges[first + later :], bins) for later in range(WINDOWS)]
         return bins * WINDOWS / sum(elapsed)
@@ -75,7 +83,7 @@ class Round:
 def _elapsed(exchanges: Sequence[float], bins: float) -> float:
     """Return the time in which a number of bins was filled, from the first exchange on.
 
-    A bin of which only a part counts takes that part of its time.
+    Of the last bin only a part may count; it takes that part of the bin's time.
     """
     whole = floor(bins + ROUNDING)
     elapsed = exchanges[whole] - exchanges[0]
@@ -95,6 +103,9 @@ def round_of(layout: Layout, block: Block) -> Round:
     bins = float(len(rows))
     if bin_metres:
         bins = sum(layout.lane(row).length for row in rows) / bin_metres
-    # After an even number of passes a picker is at the same end of its rows again.
-    times = 2 if len(rows) % 2 else 1
+    # A picker leaves its rows at either end in turn. After an odd number of rows it is at the other
+    # end than at first, so such a round goes through them twice.
+    times = 1
+    if len(rows) % 2 == 1:
+        times = 2
     return Round(len(rows) * times, bins * times)

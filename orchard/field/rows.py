@@ -1,6 +1,8 @@
 """The rules that give rows to pickers: functions of the `Scenario` that return {picker: Block}.
 
-Rows are numbered from 1 at the top.
+`orchard/field/layout.py` asks `rows_to_pickers`, which takes the rule that the scenario names.
+Rows are numbered from 1 in the north. Rules say where to cut them: a cut is a list of the row
+before the first block, which is 0, and then the last row of each block.
 """
 
 from collections.abc import Callable, Mapping
@@ -45,10 +47,10 @@ def balanced_ends(scenario: Scenario) -> dict[str, Block]:
 
 
 def balanced_times(scenario: Scenario) -> dict[str, Block]:
-    """Return neighbouring rows for each picker so that the last one is done as early as can be.
+    """Return neighbouring rows for each picker so that the last picker is done as early as can be.
 
-    It knows how long rows are, `picker_rates` and `picker_absences`, and nothing of what the seed
-    draws. Every second picker starts at the east end.
+    The rule takes the lengths of rows, `picker_rates` and `picker_absences` into account, but not
+    what the seed draws, which no grower knows before. Every second picker starts at the east end.
     """
     lengths = [scenario.row_length] * scenario.rows
     if scenario.survey is not None:
@@ -82,6 +84,8 @@ class _Member(NamedTuple):
     def done(self, metres: float) -> float:
         """Return when it has picked so many metres, s since the harvest began."""
         done = metres / self.speed
+        # In their order: an absence counts if it begins before the work is done, with all earlier
+        # ones.
         for begin, end in self.absences:
             if begin < done:
                 done += end - begin
@@ -90,28 +94,33 @@ class _Member(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _shortest_cut(lengths: tuple[float, ...], crew: tuple[_Member, ...]) -> list[int]:
-    """Return the row before the first block, then the last row of each block, such that the last
-    picker is done as early as can be; of several such cuts one whose blocks take alike long.
+    """Return the cut with which the last picker is done as early as can be.
 
-    `lengths`: of the rows, m. There are at least as many as pickers.
+    Of several such cuts it is that with the least sum of squared times, so that all pickers need
+    about equally long. `lengths`: of the rows, m. There are at least as many rows as pickers.
+
+    Pickers are taken one after another (dynamic programming). For each number of rows that the
+    pickers so far may have, only the best cut is kept.
     """
-    before = [0.0, *accumulate(lengths)]
+    metres_before = [0.0, *accumulate(lengths)]
     rows = len(lengths)
-    # After each picker, by the number of rows that are given: when the last one is done, the sum
-    # of all squares, and the cut.
+    # Number of rows that the pickers so far have -> when the last of these pickers is done, s; the
+    # sum of their squared times; the cut. Tuples are compared in this order.
     best: dict[int, tuple[float, float, list[int]]] = {0: (0.0, 0.0, [0])}
     for number, member in enumerate(crew, start=1):
         cuts: dict[int, tuple[float, float, list[int]]] = {}
+        # At least a row is left for each picker that follows.
         for last in range(number, rows - len(crew) + number + 1):
-            for first, (latest, squares, cut) in best.items():
-                if first >= last:
+            for last_before, (latest, squares, cut) in best.items():
+                if last_before >= last:
                     continue
-                done = member.done(before[last] - before[first])
+                done = member.done(metres_before[last] - metres_before[last_before])
                 total = (max(latest, done), squares + done * done, [*cut, last])
                 if last not in cuts or total < cuts[last]:
                     cuts[last] = total
         best = cuts
-    return best[rows][2]
+    _, _, shortest_cut = best[rows]
+    return shortest_cut
 
 
 def manual(scenario: Scenario) -> dict[str, Block]:
@@ -134,8 +143,9 @@ RULES: dict[str, Callable[[Scenario], dict[str, Block]]] = {
 def rows_to_pickers(scenario: Scenario) -> dict[str, Block]:
     """Return the block of each picker by the rule that the scenario names.
 
-    That is a built-in one, or a user's function, which may return plain sequences of rows, which
-    begin in the west. Raises ScenarioError for a rule or a result that cannot be.
+    That is a built-in rule, or a user's function. For a picker the function may return a plain
+    sequence of rows in place of a block; the picker then starts in the west. Raises ScenarioError
+    for a function that cannot be used, or whose result breaks a rule of `_checked`.
     """
     key = "rows_to_pickers"
     path = scenario.rows_to_pickers
@@ -150,7 +160,11 @@ def rows_to_pickers(scenario: Scenario) -> dict[str, Block]:
 
 
 def _checked(result: Mapping[str, Any], scenario: Scenario) -> dict[str, Block]:
-    """Return what a user's rule returned as blocks. Raises TypeError or ValueError."""
+    """Return what a user's rule returned as blocks.
+
+    Raises TypeError if it is no map with all pickers, and ValueError unless each row goes to one
+    picker, each picker gets neighbouring rows in their order, and starts at an end that there is.
+    """
     names = _pickers(scenario)
     if not isinstance(result, Mapping) or not set(names) <= set(result):
         keys = ", ".join(names)
@@ -185,7 +199,10 @@ def _checked(result: Mapping[str, Any], scenario: Scenario) -> dict[str, Block]:
 
 
 def _block_of(given_rows: Any) -> Block:
-    """Return a block, or plain rows, as a block of whole numbers."""
+    """Return a block, or plain rows, as a block of whole numbers.
+
+    Users may give other numbers that stand for whole ones, as those of numpy.
+    """
     if isinstance(given_rows, Block):
         block = given_rows
     else:
@@ -197,14 +214,14 @@ def _are_neighbours(rows: tuple[int, ...]) -> bool:
     return rows == tuple(range(rows[0], rows[-1] + 1))
 
 
-def _cut(scenario: Scenario, last_rows: list[int]) -> dict[str, Block]:
+def _cut(scenario: Scenario, cut: list[int]) -> dict[str, Block]:
     """Return a block for each picker.
 
-    `last_rows`: the row before the first block, then the last row of each block.
+    `cut`: the row before the first block, then the last row of each block.
     """
     blocks = {}
-    for name, (before, last) in zip(_pickers(scenario), pairwise(last_rows), strict=True):
-        blocks[name] = Block(tuple(range(before + 1, last + 1)))
+    for name, (row_before, last) in zip(_pickers(scenario), pairwise(cut), strict=True):
+        blocks[name] = Block(tuple(range(row_before + 1, last + 1)))
     return blocks
 
 

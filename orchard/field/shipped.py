@@ -21,13 +21,14 @@ def shipped() -> dict[str, Scenario]:
 
 
 def _shipped(name: str) -> Scenario:
-    """Return the shipped scenario of a name that there is."""
+    """Return the shipped scenario of a name, which must be one of `names`."""
     return parse(_CONFIG.joinpath(f"{name}.yaml").read_text("utf-8"), f"{name}.yaml")
 
 
 def load_or_shipped(path: Path | None) -> Scenario:
-    """Return the scenario of a file, or else the shipped one of this name; the default one for
-    None. Raises `ScenarioError`.
+    """Return the scenario of a file or, without such a file, the shipped one of this name.
+
+    None: the default scenario. Raises `ScenarioError`.
     """
     if path is None:
         return _shipped(DEFAULT)

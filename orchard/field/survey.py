@@ -1,8 +1,8 @@
-"""The rows of an orchard of one's own, as surveyed, within limits; and where on the earth they lie.
+"""The section `survey` of a scenario: the rows of a real orchard, and where on the earth they lie.
 
-`orchard layout import` writes it. The rows lie in the frame `map` (REP-103): parallel to x, the
-first one in the north. The roads at both ends are straight, and lie beyond the row that reaches
-furthest there.
+`orchard layout import` (orchard/surveys) writes it, and `orchard/field/lanes.py` lays its rows out.
+They are parallel to the x axis of the frame `map` (REP-103), the first one in the north. The roads
+at both ends of the rows are straight, and lie beyond the row that reaches furthest there.
 """
 
 import cmath
@@ -16,33 +16,39 @@ from pydantic_core import PydanticCustomError
 from orchard.field.problems import Section
 from orchard.field.queue import LONGEST_ROW, SHORTEST_ROW
 
+# Limits of the number of rows.
 FEWEST_ROWS = 3
 MOST_ROWS = 100
-# m, square; posts too.
+# Width of a tree's trunk, which is square, and of a post, m.
 TRUNK = 0.5
-# m from a row's centre line to the next one's. A picker that turns out of its row with its bin
-# stays 5 cm and more off one that stands straight at the next row: docs/traffic.md.
+# m, at least, from a row's centre line to the next one's. So a picker that turns out of its row
+# with its bin stays 5 cm and more off a picker that stands straight at the next row
+# (docs/traffic.md).
 CLOSEST = 3.65
-# m between the trees of a row.
+# Width of a row between its trees, m: at least, that of the manual, and at most.
 NARROWEST_ROW = CLOSEST - TRUNK
 USUAL_WIDTH = 5.0
 WIDEST_ROW = 12.0
-FURTHEST = WIDEST_ROW + TRUNK  # m
-# Times the usual spacing from which on rows are missing between two rows, or a road passes.
+# m, at most, from a row's centre line to the next one's where no row is missing.
+FURTHEST = WIDEST_ROW + TRUNK
+# Between two rows that are more than so many usual spacings apart, rows are missing, or a road
+# passes.
 MISSING = 1.8
 # m, at most, between two rows where some are missing, or where a farm road passes.
 WIDEST_GAP = 60.0
-ROUNDING = 1e-6  # m
-# Decimals of a width that follows from a spacing: no bits that nobody has typed.
+# m by which a length may miss a limit, because decimals of a file are rounded.
+ROUNDING = 1e-6
+# Decimals of a width that is computed from a spacing. They cut the error of the subtraction off:
+# 3.66 - 0.5 is 3.16, and not 3.1600000000000001.
 DECIMALS = 9
 # No control characters: names are printed.
 NAME = r"^[^\x00-\x1f\x7f-\x9f]+$"
 
 
 def spacing_of(row_width: float) -> float:
-    """Return the spacing of rows, m: from one tree line to the next, and from lane to lane.
+    """Return the spacing of rows as growers measure it, m: from one tree line to the next.
 
-    Growers measure it so. `row_width`: m between the trees of a row, as in a scenario.
+    It is also that from lane to lane. `row_width`: m between the trees of a row, as in a scenario.
 
     >>> spacing_of(4.0)
     4.5
@@ -130,6 +136,7 @@ class Origin(Section):
 
     def place(self, x: float, y: float) -> tuple[float, float]:
         """Return easting and northing, in the system's unit, of a point of the frame map, m."""
+        # As complex numbers: easting or x is the real part, northing or y the imaginary one.
         at = complex(self.x, self.y) + self.scale * cmath.exp(1j * self.yaw) * complex(x, y)
         return at.real, at.imag
 
@@ -155,6 +162,7 @@ class Survey(Section):
 
     @model_validator(mode="after")
     def _within_limits(self) -> "Survey":
+        """Check the rows together. All their faults are one error, about the key `rows`."""
         faults = [f"{row.id}: {fault}" for row, fault in faults_of(self.rows)]
         if faults:
             error = {
@@ -181,6 +189,7 @@ def faults_of(rows: Sequence[SurveyedRow]) -> Iterator[tuple[SurveyedRow, str]]:
 
 
 def _faults_of_spacing(rows: Sequence[SurveyedRow]) -> Iterator[tuple[SurveyedRow, str]]:
+    """Yield the rows that lie too near to or too far from others, and what is wrong."""
     first = rows[0]
     if first.south:
         yield first, f"is the first, and lies {first.south:g} m south of it; its south must be 0"
@@ -190,12 +199,15 @@ def _faults_of_spacing(rows: Sequence[SurveyedRow]) -> Iterator[tuple[SurveyedRo
             limits = f"{CLOSEST:g} to {WIDEST_GAP:g} m from centre line to centre line"
             yield row, f"lies {gap:.2f} m south of row {north.id}; must be {limits}"
     gaps = [row.south - north.south for north, row in pairwise(rows)]
+    # With no two neighbours there is no usual spacing, and so no place for the lines of trees.
+    # Gaps that are too wide have a fault already.
     if gaps and min(gaps) > FURTHEST + ROUNDING and max(gaps) <= WIDEST_GAP + ROUNDING:
         limits = f"two neighbours must be at most {FURTHEST:g} m apart"
         yield first, f"has no neighbour, and neither has any other row: {limits}"
 
 
 def _faults_of_ends(rows: Sequence[SurveyedRow]) -> Iterator[tuple[SurveyedRow, str]]:
+    """Yield the westernmost and the easternmost row if they are wrong, and what is wrong."""
     westernmost = min(rows, key=lambda row: row.start)
     easternmost = max(rows, key=lambda row: row.start + row.length)
     west = westernmost.start

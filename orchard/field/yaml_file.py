@@ -1,6 +1,7 @@
 """A YAML file as plain data, with the line of each key.
 
-What a scenario does not need, and what could harm, is refused.
+Aliases, tags, large files and deep nesting are refused: a scenario needs none of them, and they
+could harm.
 """
 
 import re
@@ -9,23 +10,36 @@ from typing import Any
 
 import yaml
 
-from orchard.field.problems import Lines, Problem, ScenarioError, dotted, key_text
+from orchard.field.problems import (
+    LONGEST_VALUE,
+    Lines,
+    Problem,
+    ScenarioError,
+    dotted,
+    key_text,
+)
 from orchard.folders import regular
 
-LARGEST_FILE = 65536  # bytes; a whole scenario needs less than 2,000
-DEEPEST = 8  # levels in a file; a scenario needs 3
+# Bytes. A scenario needs less than 2,000, with a survey of 100 rows about 10,000.
+LARGEST_FILE = 65536
+# Maps and lists within each other. A scenario needs 4, as in picker_absences.
+DEEPEST = 8
 
 
 def dump(values: dict[str, Any], **layout: Any) -> str:
-    """Return values as YAML, in their order. `layout`: as of `yaml.safe_dump`."""
+    """Return values as YAML, in their order. `layout`: keyword arguments of `yaml.safe_dump`."""
     text: str = yaml.dump(values, Dumper=_Dumper, sort_keys=False, **layout)
     return text
 
 
 def read(path: str | Path, source: str) -> str:
-    """Return the text of a file; `source` names it in errors. Raises ScenarioError."""
+    """Return the text of a file, or a beginning of it that is too long for `values_of`.
+
+    `source`: names the file in errors. Raises ScenarioError.
+    """
     try:
         with regular(path).open("rb") as file:
+            # With one byte more than is allowed, `values_of` sees that the file is too large.
             content = file.read(LARGEST_FILE + 1)
     except FileNotFoundError:
         raise ScenarioError([Problem(source, "no such file")]) from None
@@ -40,16 +54,22 @@ def read(path: str | Path, source: str) -> str:
 
 
 class _Loader(yaml.SafeLoader):
-    """Plain data only, after YAML 1.2.
+    """Reads plain data only, by the rules of YAML 1.2, where PyYAML has those of YAML 1.1.
 
     So 010 is not 8, 1:30 is not 90, `on` is not true, and 1e-1 is a number.
     """
 
+    # Empty, so that the rules of YAML 1.1 of the base class do not hold; those of YAML 1.2 are
+    # added below.
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  # as its base class has it
+    # In how many maps and lists the present part of the text is.
     _depth = 0
 
     def get_event(self) -> Any:
-        """Return the next part of the text. Refuse what is not allowed before it is built."""
+        """Return the next part of the text, for the base class, which builds values from it.
+
+        Raises ScenarioError for what is not allowed, before any of it is built.
+        """
         event = super().get_event()  # type: ignore[no-untyped-call]
         if isinstance(event, yaml.CollectionStartEvent):
             self._depth += 1
@@ -62,9 +82,9 @@ class _Loader(yaml.SafeLoader):
         return event
 
     def _refused(self, event: yaml.Event) -> str:
-        """Return what is not allowed in a part of a text; "" if all is.
+        """Return what is not allowed in a part of a text; "" if all of it is allowed.
 
-        A few lines of aliases fill the memory, and tags name types.
+        With aliases in aliases a few lines fill the memory; tags make objects of other types.
         """
         if self._depth > DEEPEST:
             return "nested too deeply"
@@ -76,12 +96,15 @@ class _Loader(yaml.SafeLoader):
 
 
 class _Dumper(yaml.SafeDumper):
-    """Quotes each text that YAML 1.1 or the loader takes for something else.
+    """Writes values, and quotes each text that YAML 1.1 or the loader would take for no text.
 
-    For example, 1e3 is a number for the loader only.
+    For example, the text 1e3 is a number for the loader, and none in YAML 1.1.
     """
 
 
+# Type, pattern of the whole text, characters with which such a text may begin: the rules of
+# YAML 1.2 by which a text without quotes is no text. The loader gets only these, the dumper these
+# beside its own.
 for _tag, _pattern, _first in (
     ("null", r"(~|null|Null|NULL|)$", ["~", "n", "N", ""]),
     ("bool", r"(true|True|TRUE|false|False|FALSE)$", list("tTfF")),
@@ -100,7 +123,7 @@ for _tag, _pattern, _first in (
 def values_of(text: str, source: str) -> tuple[Any, Lines, list[Problem]]:
     """Return the values of a YAML text, the line of each key, and a problem for each repeated key.
 
-    `source`: names the text in errors. Raises ScenarioError.
+    The values are None for an empty text. `source`: names the text in errors. Raises ScenarioError.
     """
     if len(text.encode("utf-8", "replace")) > LARGEST_FILE:
         too_large = f"is larger than {LARGEST_FILE} bytes; a scenario needs less than 2000"
@@ -130,9 +153,6 @@ def _at(mark: Any, source: str, text: str) -> Problem:
     return Problem(source, f"{text} (line {line}, column {mark.column + 1})", line=line)
 
 
-LONGEST_VALUE = 60  # characters of a value in a problem
-
-
 class _Keys:
     """The keys of a YAML text: the line of each, and a problem for each that is repeated."""
 
@@ -142,7 +162,10 @@ class _Keys:
         self.repeated: list[Problem] = []
 
     def read(self, node: yaml.Node | None, at: tuple[str, ...] = ()) -> None:
-        """Note the keys of a part of the text. `at`: its path."""
+        """Note the keys of a part of the text, and of the parts in it. `at`: the path of the part.
+
+        A place in a list counts as a key: "0", "1" and so on.
+        """
         if isinstance(node, yaml.SequenceNode):
             for number, item in enumerate(node.value):
                 path = (*at, str(number))
@@ -156,7 +179,7 @@ class _Keys:
                     self.read(value, path)
 
     def _note(self, path: tuple[str, ...], line: int, value: yaml.Node) -> None:
-        """Note the line of a key, and whether there is another one with the same path."""
+        """Note the line of a key, and a problem if an earlier key has the same path."""
         before = self.lines.get(path)
         self.lines[path] = line
         if before is None:

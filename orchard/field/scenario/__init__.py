@@ -1,15 +1,19 @@
 """The scenario: what a user can set.
 
-    schema     what can be set, with its limits, and the rules about several values
-    sections   the parts of it: people, crop, picking, carrying, sensors, prices
-    shift      the working day
-    fields     the kinds of fields, and who decides them
+    schema     the values with their limits, and what follows from them
+    rules      the scenario: the values, and the rules about several of them
+    sections   its sections: people, animals, crop, picking, carrying, handling, load-out
+    sensors    the sections of lasers and of what robots measure of themselves
+    shift      the section of the working day
+    prices     the section of prices
+    fields     the kinds of fields, and the marks that say what decides a value
     names      the names of what is built in
+    ways       keys that say the same thing in different ways
     checking   values -> a scenario, or all problems of them; a scenario with some values changed
-    effect     values without an effect, because another one is missing
+    effect     refuses values that have no effect, because another value is missing
     files      YAML -> a scenario, and a scenario -> YAML
 
-All others import from here.
+Other packages import from here.
 """
 
 from orchard.field.scenario.checking import check, with_changes
@@ -30,20 +34,19 @@ from orchard.field.scenario.names import (
     ROW_RULES,
 )
 from orchard.field.scenario.prices import Prices
-from orchard.field.scenario.schema import Scenario, other_ways
+from orchard.field.scenario.rules import Scenario
 from orchard.field.scenario.sections import (
     LEAST_CV,
-    MOST_BIAS,
-    MOST_WHITE,
     WIDEST,
     Animals,
     Battery,
     Failure,
-    LaserSettings,
     People,
     Spread,
 )
+from orchard.field.scenario.sensors import MOST_BIAS, MOST_WHITE, LaserSettings
 from orchard.field.scenario.shift import WorkShift
+from orchard.field.scenario.ways import other_ways
 from orchard.field.ticks import TICKS_PER_SECOND, TIME_STEP
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""Values become a scenario, or every problem of them is told at once."""
+"""Makes a scenario from values, or raises an error with all of their problems at once."""
 
 from collections.abc import Mapping
 from copy import deepcopy
@@ -15,7 +15,7 @@ from orchard.field.problems import (
     problems_of,
     show,
 )
-from orchard.field.scenario.schema import SURVEYED, Scenario
+from orchard.field.scenario.rules import SURVEYED, Scenario
 
 # Maps of which the keys are names that a user gives, and not fields of a section.
 NAMED_BY_USERS = ("picker_rates", "picker_absences", "agents", "agents_without_body")
@@ -29,8 +29,9 @@ def check(
 ) -> Scenario:
     """Return the scenario with these values: a map, as in the YAML file.
 
-    Raises a `ScenarioError` with all problems, including those in `known`. `source` names the
-    values there, and `lines` says in which line of it each key stands.
+    `source`: names the values in problems, as a file's name does. `lines`: the line of each key, if
+    they come from a file. `known`: problems that were found before. Raises a `ScenarioError` with
+    all problems, including the known ones.
 
     >>> check({"rows": 8, "people": {"workers": 2}}).people.workers
     2
@@ -50,9 +51,9 @@ def check(
 
 
 def _plain(values: Any, levels: int = 3) -> Any:
-    """Convert sections to dicts with printable text as keys.
+    """Return sections and maps as dicts with printable text as keys, down to some levels.
 
-    `levels`: of sections within sections. A scenario has at most three.
+    `levels`: how many maps lie within each other. A scenario has at most three.
     """
     if isinstance(values, BaseModel):
         values = values.model_dump()
@@ -62,31 +63,35 @@ def _plain(values: Any, levels: int = 3) -> Any:
 
 
 def _errors(values: dict[str, Any]) -> tuple[list[dict[str, Any]], Scenario]:
-    """Return all errors, and the scenario without the fields of these errors.
+    """Return all errors of `errors_of`, and the scenario without the fields of these errors.
 
-    Pydantic ends at the first broken rule about several fields, and checks none if a field is
+    Pydantic ends at the first broken rule about several fields, and checks no rule if a field is
     invalid. So the fields of all errors are set to their defaults, which break no rule, and all is
     checked again, until every rule has been checked.
     """
     errors: list[dict[str, Any]] = []
+    # Paths of the fields that have been set to their defaults.
     wrong: set[tuple[str, ...]] = set()
     while True:
         try:
             return errors, Scenario.model_validate(values)
         except ValidationError as failure:
             current = errors_of(failure)
+        # An error about a field that was wrong before follows from its default, and is not told.
         errors += [error for error in current if wrong.isdisjoint(error["fields"])]
-        paths: set[tuple[str, ...]] = set()
+        newly_wrong: set[tuple[str, ...]] = set()
         for error in current:
             for field in error["fields"]:
-                paths.update(_with_defaults(field))
-        wrong |= paths
-        values = _without(values, paths)
+                newly_wrong.update(_with_defaults(field))
+        wrong |= newly_wrong
+        values = _without(values, newly_wrong)
 
 
 def _with_defaults(field: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """Return what is set to its default because a field is wrong: the field, the whole survey,
-    because its sizes have no default, all breaks, or all absences.
+    """Return the paths of all that is set to its default because a field is wrong.
+
+    That is the field, or the whole map or list in which it lies where its parts have no default.
+    A survey must fit the fields that it decides, so it goes with them.
     """
     if field[0] == "picker_absences":
         return [("picker_absences",)]
@@ -106,8 +111,12 @@ def _without(
     kept = {}
     for key, value in values.items():
         path = (*at, key)
-        if path not in paths:
-            kept[key] = _without(value, paths, path) if isinstance(value, dict) else value
+        if path in paths:
+            continue
+        if isinstance(value, dict):
+            kept[key] = _without(value, paths, path)
+        else:
+            kept[key] = value
     return kept
 
 
@@ -115,7 +124,7 @@ def with_changes(scenario: Scenario, /, **changes: Any) -> Scenario:
     """Return a scenario with some values changed, checked again.
 
     Raises `ScenarioError`. Name a nested value by its dotted path, or give a map of changes to a
-    section. An empty map takes all away from `picker_rates` and from other maps of a user's names.
+    section. An empty map empties `picker_rates` and the other maps of names that a user gives.
 
     >>> with_changes(Scenario(), rows=8, people={"workers": 0}).people.workers
     0
@@ -124,6 +133,7 @@ def with_changes(scenario: Scenario, /, **changes: Any) -> Scenario:
     """
     values = scenario.model_dump()
     for path, value in changes.items():
+        # {"people.workers": 0} becomes {"people": {"workers": 0}}.
         change = value
         for key in reversed(path.split(".")):
             change = {key: change}
@@ -132,11 +142,12 @@ def with_changes(scenario: Scenario, /, **changes: Any) -> Scenario:
 
 
 def _merge(values: dict[str, Any], changes: dict[str, Any]) -> None:
-    """Put changes into values, also into the maps inside them."""
+    """Put changes into values, also into the maps inside them. `values` is changed."""
     for key, change in changes.items():
         is_map = isinstance(change, dict) and isinstance(values.get(key), dict)
-        takes_all_away = not change and key in NAMED_BY_USERS
-        if is_map and not takes_all_away:
+        empties_map = not change and key in NAMED_BY_USERS
+        if is_map and not empties_map:
             _merge(values[key], change)
         else:
+            # A copy, because later changes are put into it.
             values[key] = deepcopy(change)

@@ -1,13 +1,17 @@
-"""Values that a user has set and that have no effect, because another value is missing."""
+"""Refuses values that a user has set and that have no effect, because another value is missing.
+
+`orchard/field/scenario/files.py` asks `with_effect` for each scenario that is read from a file.
+"""
 
 from collections.abc import Iterator
 
 from orchard.field.problems import Lines, Problem, ScenarioError
-from orchard.field.scenario.schema import Scenario, value_at
+from orchard.field.scenario.rules import Scenario
+from orchard.field.scenario.ways import value_at
 
 _NO_BATTERY = "has no effect: a battery is endless unless hours is set"
 _NO_FAILURE = "has no effect: robots never fail unless mean_between is set"
-# Field -> the field without which it has no effect, and what is said then.
+# Field -> the field without which it has no effect, and the text of the problem.
 _IN_VAIN = {
     "carrying.battery.standing": ("carrying.battery.hours", _NO_BATTERY),
     "carrying.battery.hours_to_charge": ("carrying.battery.hours", _NO_BATTERY),
@@ -26,10 +30,11 @@ _IN_VAIN = {
 
 
 def with_effect(scenario: Scenario, source: str, lines: Lines | None = None) -> Scenario:
-    """Return a scenario in which a user has set no value that needs another one, and lacks it.
+    """Return the scenario itself. Raises `ScenarioError` if a value of it has no effect.
 
-    Settings of a study, forks and old snapshots may have such values: there another value was
-    taken away. Raises `ScenarioError`.
+    Only files of users are checked so. Settings of a study, forks and old snapshots may have such
+    values: a study, for example, compares with a battery and without. `source` and `lines` are
+    those of `check`.
     """
     problems = []
     for fields, text in _rules_of_effect(scenario):
@@ -40,8 +45,9 @@ def with_effect(scenario: Scenario, source: str, lines: Lines | None = None) -> 
 
 
 def _rules_of_effect(scenario: Scenario) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Yield the fields, and what is wrong with them, of each value that has no effect."""
-    has_effect = {
+    """Yield for each value without effect the fields of the problem, and what is wrong."""
+    # Field that others need -> whether it is set.
+    is_there = {
         "carrying.battery.hours": scenario.has_batteries,
         "picking.failure.mean_between": scenario.picking.failure.mean_between is not None,
         "carrying.failure.mean_between": scenario.carrying.failure.mean_between is not None,
@@ -53,7 +59,7 @@ def _rules_of_effect(scenario: Scenario) -> Iterator[tuple[tuple[str, ...], str]
     default = Scenario.model_construct()
     for field, (needed, text) in _IN_VAIN.items():
         is_set = value_at(scenario, field) != value_at(default, field)
-        if is_set and not has_effect[needed]:
+        if is_set and not is_there[needed]:
             yield (field, needed), text
     if scenario.chargers > default.chargers and not scenario.has_batteries:
         text = "has no effect: carriers charge only if hours is set"
@@ -70,18 +76,22 @@ def _rules_of_effect(scenario: Scenario) -> Iterator[tuple[tuple[str, ...], str]
 
 
 def _piece_rate_in_vain(scenario: Scenario) -> str:
-    """Return why a piece rate has no effect beside the least that a day is paid; '' if it has."""
+    """Return why a piece rate has no effect beside the least pay of a day; '' if it has one.
+
+    It has none if the fastest picker earns less than the least pay on a whole day.
+    """
     prices = scenario.prices
     least = prices.picker_least_per_day
     if not prices.picker_per_bin or least is None or not scenario.shift.is_set:
         return ""
     picking = scenario.picking
-    # The seed may draw a picker or a row that is fast enough.
+    # Else the seed may draw a picker or a row that is fast enough.
     if {picking.spread.distribution, picking.spread_of_pickers.distribution} != {"none"}:
         return ""
     hours = scenario.shift.work_seconds / 3600.0
     rate = scenario.chosen["picking_rate"] * max([1.0, *scenario.picker_rates.values()])
     bins = rate * hours
+    # What a picker earns on a day by hours and bins, at most.
     most = hours * (prices.picker_per_hour or 0.0) + bins * prices.picker_per_bin
     if most > least:
         return ""
@@ -94,7 +104,7 @@ def _piece_rate_in_vain(scenario: Scenario) -> str:
 def _in_vain(
     scenario: Scenario, source: str, lines: Lines, fields: tuple[str, ...], text: str
 ) -> Problem:
-    """Return a rule's problem, as those of several fields are."""
+    """Return a problem about several fields, like the problem of a rule (`problems_of`)."""
     values = []
     line = 0
     for field in fields:

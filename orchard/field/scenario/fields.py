@@ -1,4 +1,7 @@
-"""The kinds of fields that a scenario has: choices, counts, prices, rules, names of agents."""
+"""The kinds of fields that a scenario has: choices, counts, prices, rules, names of agents.
+
+The files `schema`, `sections` and `prices` beside this one use them in annotations.
+"""
 
 from collections.abc import Sequence
 from typing import Annotated, Any, TypeVar
@@ -8,26 +11,32 @@ from pydantic import AfterValidator, Field
 from orchard.field.decisions import Decision
 from orchard.field.kinds import BODILESS, KINDS
 
-# Marks of fields, which `schema` and `sections` import from here: who decides the value. `choice`
-# below is something else: a field that is one of some names.
+# Marks of fields: what decides the value (orchard/field/decisions.py). `choice` below is something
+# else: a field whose value is one of some names.
 CHOICE = Decision.CHOICE
 CIRCUMSTANCE = Decision.CIRCUMSTANCE
-MOST_GUESTS = 50  # people together, animals together, weeds
-MOST_HOURS = 2000.0  # of work, in which somebody is away
-HIGHEST_PRICE = 1e9  # in whatever currency
+# The most people together, animals together, and weeds.
+MOST_GUESTS = 50
+# The latest hour of work at which an absence of a picker begins or ends.
+MOST_HOURS = 2000.0
+# In any currency.
+HIGHEST_PRICE = 1e9
 
 _NAME = "[A-Za-z_][A-Za-z0-9_]*"
+# module.Class or module:Class; a module may lie in packages.
 _PATH = rf"{_NAME}(\.{_NAME})*[.:]{_NAME}"
 ClassPath = Annotated[str, Field(pattern=rf"^{_PATH}$", max_length=200)]
+# What a class can drive: a kind, a body by its name, or a built-in agent without a body.
 Driven = Annotated[str, Field(pattern=rf"^(({'|'.join(KINDS)})(_[0-9]+)?|{'|'.join(BODILESS)})$")]
-
-
-_Value = TypeVar("_Value")
+# Time of work since the harvest began, h.
 Hours = Annotated[float, Field(ge=0.0, le=MOST_HOURS)]
+
+# A value of a map whose keys are pickers.
+_Value = TypeVar("_Value")
 
 
 def _by_name(values: dict[str, _Value]) -> dict[str, _Value]:
-    """Return values of pickers in the order of their names."""
+    """Return values of pickers in the order of their names, so that equal maps give equal texts."""
     return dict(sorted(values.items()))
 
 
@@ -55,6 +64,7 @@ PickerAbsences = Annotated[
     Field(max_length=60, description=PICKER_ABSENCES),
     AfterValidator(_by_name),
 ]
+# The name of a user's agent without a body.
 Bodiless = Annotated[str, Field(pattern="^[a-z][a-z0-9_]{0,63}$")]
 Classes = Annotated[
     dict[Driven, ClassPath],
@@ -67,9 +77,9 @@ MoreAgents = Annotated[
 
 
 def choice(names: Sequence[str], meaning: str) -> Any:
-    """Return the field that is one of some names.
+    """Return a field whose value is one of some names. `meaning`: its description.
 
-    Programs that offer a choice, such as the page, find them in `examples`.
+    Programs that offer a choice, such as the page, find the names in the field's `examples`.
     """
     return Field(
         pattern=rf"^({'|'.join(names)})$",
@@ -79,17 +89,20 @@ def choice(names: Sequence[str], meaning: str) -> Any:
 
 
 def count(meaning: str) -> Any:
-    """Return the field that is a number of people, animals or weeds."""
+    """Return a field whose value is a number of people, animals or weeds."""
     return Field(ge=0, le=MOST_GUESTS, description=meaning)
 
 
 def price_of(meaning: str) -> Any:
-    """Return the field that is a price, in a currency of the user's own."""
+    """Return a field whose value is a price, in any currency, the same for all prices."""
     return Field(ge=0.0, le=HIGHEST_PRICE, description=meaning)
 
 
 def plugin(builtin: Sequence[str], meaning: str) -> Any:
-    """Return the field that names a rule: a built-in one, or module.Class of a user."""
+    """Return a field whose value names a rule: a built-in one, or module.Class of a user.
+
+    The names of the built-in rules are the field's `examples`.
+    """
     return Field(
         pattern=rf"^({'|'.join(builtin)}|{_PATH})$",
         max_length=200,

@@ -5,7 +5,7 @@ from pathlib import Path
 from orchard.field.problems import key_text
 from orchard.field.scenario.checking import check
 from orchard.field.scenario.effect import with_effect
-from orchard.field.scenario.schema import Scenario
+from orchard.field.scenario.rules import Scenario
 from orchard.field.yaml_file import dump, read, values_of
 
 
@@ -39,8 +39,9 @@ def to_yaml(scenario: Scenario) -> str:
 
 
 def to_short_yaml(scenario: Scenario) -> str:
-    """Return the values of a scenario that differ from their defaults as YAML, a line for each
-    surveyed row.
+    """Return the values of a scenario that differ from their defaults as YAML.
+
+    A surveyed row takes one line, as flow style has it.
 
     >>> print(to_short_yaml(Scenario(rows=8, carriers=3)), end="")
     {rows: 8, carriers: 3}

@@ -1,14 +1,17 @@
-"""The names that a scenario can have: of policies of dispatch, rules for rows and orders of picking
-that are built in, and of what follows a policy's mistake. And names that agents cannot have.
+"""The names that a scenario can have as values: built-in policies of dispatch, rules for rows, and
+orders of picking.
+
+Also what can follow a policy's mistake, and the names that agents of users cannot have.
 """
 
 from orchard.field.kinds import BODILESS
 
 NEAREST = "nearest"
 ROLLING = "rolling"
-# A value of `dispatch_errors`, and no policy: the run ends at an order that cannot be.
+# A value of `dispatch_errors`, and no policy: the run ends at an order of a policy that no carrier
+# can follow. The other value is NEAREST: the policy `nearest` takes over.
 END = "end"
-# The built-in policies.
+# The built-in policies. Their classes stand at the same places in `orchard/dispatch/policies.py`.
 DISPATCH_POLICIES = (
     NEAREST,
     "farthest-first",

@@ -5,10 +5,10 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from orchard.field.problems import Section
-from orchard.field.scenario.fields import (
-    price_of,
-)
+from orchard.field.scenario.fields import price_of
 
+# Hours of a year of 366 days, the most in which a machine can work.
+LONGEST_YEAR = 8784.0
 YEARS = "years for which it is used; null: none. With hours_per_year"
 HOURS_PER_YEAR = "hours a year in which it works; null: none. With years"
 
@@ -22,12 +22,12 @@ class Bought(Section):
     price: Annotated[float | None, price_of("price of one that is bought; null: none")] = None
     years: Annotated[float | None, Field(ge=0.1, le=100.0, description=YEARS)] = None
     hours_per_year: Annotated[
-        float | None, Field(ge=1.0, le=8784.0, description=HOURS_PER_YEAR)
+        float | None, Field(ge=1.0, le=LONGEST_YEAR, description=HOURS_PER_YEAR)
     ] = None
 
     @property
     def hours(self) -> float | None:
-        """The hours in which it works, in all its years; None: they are not said."""
+        """The hours in which it works, in all its years; None: they are not set."""
         if self.years is None or self.hours_per_year is None:
             return None
         return self.years * self.hours_per_year
@@ -41,7 +41,7 @@ class Bought(Section):
 
     @model_validator(mode="after")
     def _is_whole(self) -> "Bought":
-        """Check that a price has the hours over which it is spread."""
+        """Check that a price has the hours over which it is spread, and hours have both keys."""
         is_whole = (self.years is None) == (self.hours_per_year is None)
         self._demand(is_whole, "must be set together", "years", "hours_per_year")
         text = "a price needs years and hours_per_year, by which it is paid"
@@ -87,7 +87,7 @@ class Prices(Section):
 
     @property
     def are_of_pickers(self) -> bool:
-        """Whether a picker costs something."""
+        """Whether a price for pickers is set."""
         return _is_any_set(
             self.picker_per_hour,
             self.picker_per_bin,
@@ -97,21 +97,22 @@ class Prices(Section):
 
     @property
     def are_of_carriers(self) -> bool:
-        """Whether a carrier costs something."""
+        """Whether a price for carriers is set."""
         return _is_any_set(self.carrier_per_hour, self.carrier_per_day, self.carrier_bought.price)
 
     @property
     def are_set(self) -> bool:
-        """Whether anything costs something."""
+        """Whether any price is set."""
         is_other = _is_any_set(self.overhead_per_hour, self.overhead_per_day, self.per_bin)
         return is_other or self.are_of_pickers or self.are_of_carriers
 
     @property
     def by_the_day(self) -> list[str]:
-        """The keys of the prices that are for a day, as far as they are set."""
+        """The keys of the prices for a day that are set."""
         return [key for key in BY_THE_DAY if getattr(self, key) is not None]
 
 
+# The keys of all prices for a day.
 BY_THE_DAY = ("picker_least_per_day", "carrier_per_day", "overhead_per_day")
 
 

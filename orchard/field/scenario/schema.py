@@ -1,17 +1,17 @@
-"""The scenario: what a user can set, its limits, what follows from it, and the rules about several
-of its values.
+"""The values that a user can set in a scenario: each with its default, its limits and its meaning.
+
+Properties tell what follows from them, such as the number of carriers where `carriers` is null.
+The rules about several values stand in `orchard/field/scenario/rules.py`, whose class `Scenario` is
+derived from the class here.
 """
 
 import math
-from collections.abc import Iterable
-from functools import reduce
-from itertools import combinations, pairwise
 from statistics import fmean
-from typing import Annotated, Any
+from typing import Annotated, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from orchard.field.kinds import DISPATCH, KINDS, TRAFFIC, kind_of, name_of
+from orchard.field.kinds import DISPATCH, TRAFFIC
 from orchard.field.problems import Section
 from orchard.field.queue import (
     LONGEST_ROW,
@@ -20,7 +20,6 @@ from orchard.field.queue import (
     SHORTEST_ROW,
     TWO_WAY,
     USUAL_ROW,
-    lack_of_room,
 )
 from orchard.field.scenario.fields import (
     CHOICE,
@@ -39,32 +38,26 @@ from orchard.field.scenario.names import (
     END,
     NEAREST,
     ONWARD,
-    RESERVED,
     ROLLING,
     ROW_ORDERS,
     ROW_RULES,
 )
 from orchard.field.scenario.prices import Prices
 from orchard.field.scenario.sections import (
-    LEAST_CV,
-    WIDEST,
     Animals,
     Carrying,
     Crop,
     Handling,
-    LaserSettings,
     LoadOut,
     People,
     Picking,
-    SensorSettings,
-    Spread,
 )
+from orchard.field.scenario.sensors import LaserSettings, SensorSettings
 from orchard.field.scenario.shift import WorkShift
 from orchard.field.survey import (
     FEWEST_ROWS,
     MOST_ROWS,
     NARROWEST_ROW,
-    ROUNDING,
     TRUNK,
     USUAL_WIDTH,
     WIDEST_ROW,
@@ -72,6 +65,7 @@ from orchard.field.survey import (
     spacing_of,
 )
 
+# Meanings of values that are too long for their line below.
 ROWS = "number of rows to pick; of a larger orchard, simulate each block by itself"
 ROW_WIDTH = f"width of a row between its trees, m; from row to row it is {TRUNK:g} m more"
 METRES_PER_BIN = (
@@ -95,36 +89,25 @@ QUEUE_ROOM = (
     "number of carriers for which the queue has places; null, or less than there are: as many as"
     " there are"
 )
-
-
-CROP = ("crop.tonnes_per_hectare", "crop.kilograms_per_bin")
-# Each line has the ways to say one thing, by their keys. At most one way can be used.
-WAYS: tuple[tuple[tuple[str, ...], ...], ...] = (
-    (("picking_speed",), ("picking_rate",)),
-    (("metres_per_bin",), ("bins_per_row",), CROP),
-    (("load_out.metres", "load_out.speed", "load_out.seconds"), ("load_out.seconds_away",)),
-)
-# m/s, of a picker while it picks.
-SLOWEST = 0.001
-FASTEST = 1.0
-# Metres of row that fill a bin.
-SHORTEST_BIN = 5.0
-LONGEST_BIN = 400.0
 CHARGERS = (
     "number of carriers that can charge at once, in lines of their own in the queue; only batteries"
     " need them"
 )
-# What `survey` decides.
-SURVEYED = ("rows", "row_length", "row_width")
-
 BAYS = (
     "number of carriers that unload at a time: those behind the first one do it where they stand"
     " in its line"
 )
 
+# Limits of the speed of a picker while it picks, m/s.
+SLOWEST = 0.001
+FASTEST = 1.0
+# Limits of the metres of row that fill a bin.
+SHORTEST_BIN = 5.0
+LONGEST_BIN = 400.0
 
-class Scenario(Section):
-    """An orchard with its robots, people, animals and weeds. Figures: docs/reference.md."""
+
+class Values(Section):
+    """The values of a scenario, and the numbers that follow from them."""
 
     rows: Annotated[int, Field(ge=FEWEST_ROWS, le=MOST_ROWS, description=ROWS), CIRCUMSTANCE] = 5
     pickers: Annotated[
@@ -246,7 +229,7 @@ class Scenario(Section):
 
     @property
     def carrier_count(self) -> int:
-        """The number of carriers, by default 7 for every 10 pickers, rounded up (manual)."""
+        """The number of carriers, by default 7 for every 10 pickers (manual), rounded up."""
         if self.carriers is not None:
             return self.carriers
         return math.ceil(self.pickers * 7 / 10)
@@ -258,8 +241,9 @@ class Scenario(Section):
 
     @property
     def bin_metres(self) -> float | None:
-        """The metres of row that fill a bin: `metres_per_bin`, or what `bins_per_row` or `crop`
-        say; None: each row fills one.
+        """The metres of row that fill a bin; None: each row fills one bin, however long it is.
+
+        They are `metres_per_bin`, or follow from `bins_per_row` or from `crop`.
         """
         if self.bins_per_row is not None:
             return self.mean_row / self.bins_per_row
@@ -290,10 +274,12 @@ class Scenario(Section):
 
     @property
     def mean_picking_speed(self) -> float:
-        """The speed of a picker while it picks, m/s: `picking_speed`, or what
-        `picking_rate` says.
+        """The speed of a picker of mean speed while it picks, m/s.
+
+        It is `picking_speed`, or follows from `picking_rate`.
         """
         if self.picking_rate is not None:
+            # bins/h * m/bin is m/h.
             return self.picking_rate * self._metres_per_full_bin / 3600.0
         if self.picking_speed is not None:
             return self.picking_speed
@@ -306,7 +292,9 @@ class Scenario(Section):
 
     @property
     def chosen(self) -> dict[str, float]:
-        """What holds where a value is null, by its key: numbers that follow from other values."""
+        """Key -> the number that holds, also where the value is null and the number follows from
+        other values.
+        """
         return {
             "carriers": self.carrier_count,
             "picking_speed": self.mean_picking_speed,
@@ -317,7 +305,7 @@ class Scenario(Section):
 
     @property
     def _metres_per_full_bin(self) -> float:
-        """Metres of row that fill a bin; if each row fills one, of the mean row."""
+        """Metres of row that fill a bin; the length of the mean row if each row fills one."""
         return self.bin_metres or self.mean_row
 
     @property
@@ -339,25 +327,30 @@ class Scenario(Section):
 
     @property
     def bodiless_agents(self) -> tuple[str, ...]:
-        """The agents without a body: `traffic`, `dispatch` if the policy is not `nearest`, and
-        those of the user.
+        """The names of the agents without a body: the built-in ones, then the user's.
+
+        With the policy `nearest` bins call carriers themselves, so there is no `dispatch`.
         """
-        desks = [TRAFFIC]
+        built_in = [TRAFFIC]
         if self.dispatch != NEAREST:
-            desks.append(DISPATCH)
-        return (*desks, *sorted(self.agents_without_body))
+            built_in.append(DISPATCH)
+        return (*built_in, *sorted(self.agents_without_body))
 
     @property
     def own_classes(self) -> dict[str, str]:
-        """The classes and functions of a user's own that it names, by the key of a rule or the
-        agent that names them: code.
+        """The paths of all classes and functions of the user's own that this scenario names.
+
+        They are code that runs when the scenario is used. Each is found by the name of its agent,
+        or by the key of its rule, such as "route".
         """
         return self.agents | self.agents_without_body | self._own_rules
 
     @property
-    def without_code(self) -> "Scenario":
-        """The same with the default for each rule of a user's own: the names of the bodies, and
-        walls and trees, are as they were.
+    def without_code(self) -> Self:
+        """The same scenario with the default for each rule of the user's own, so that none is run.
+
+        A program that only shows the orchard uses it: the names of the bodies, and walls and trees,
+        are as they were.
         """
         return self.model_copy(
             update={name: type(self).model_fields[name].default for name in self._own_rules}
@@ -369,227 +362,7 @@ class Scenario(Section):
         own = {}
         for key, field in type(self).model_fields.items():
             path = getattr(self, key)
+            # The field of a rule has the built-in ones as its examples (`fields.plugin`).
             if field.examples and path not in field.examples:
                 own[key] = path
         return own
-
-    @model_validator(mode="after")
-    def _check_rules(self) -> "Scenario":
-        """Check all rules about several values."""
-        self._demand_what_the_survey_says()
-        taken = [name for name in self.agents_without_body if kind_of(name) in (*KINDS, *RESERVED)]
-        self._demand(
-            not taken,
-            f"must be names that no other agent has; not {', '.join(taken)}",
-            "agents_without_body",
-        )
-        self._demand(
-            self.pickers <= self.rows, "must be at most one picker a row", "pickers", "rows"
-        )
-        self._demand_one_way_to_say_it()
-        text = (
-            f"must be 1 to {MOST_CARRIERS} chargers for carriers with batteries; without chargers,"
-            " hours must be null"
-        )
-        self._demand(
-            self.chargers > 0 or not self.has_batteries, text, "chargers", "carrying.battery.hours"
-        )
-        self._demand_that_no_row_is_faster_than_a_picker()
-        self._demand_rates_of_pickers()
-        self._demand_absences_of_pickers()
-        self._demand_days_for_their_prices()
-        self._demand_a_battery_for_the_load_out()
-        self._demand_trailers_that_fill()
-        if self.route in QUEUES:
-            self._demand_room_in_the_queue()
-        return self
-
-    def _demand_days_for_their_prices(self) -> None:
-        """Check that there are days if something is paid by the day."""
-        for key in self.prices.by_the_day:
-            text = "a price for a day needs a day: set shift.begin and shift.end"
-            self._demand(self.shift.is_set, text, f"prices.{key}", "shift.begin", "shift.end")
-
-    def _demand_a_battery_for_the_load_out(self) -> None:
-        """A carrier comes back from the load-out with more than its reserve, if it left full."""
-        battery = self.carrying.battery
-        load_out = self.load_out
-        if load_out.has_trailers:
-            return
-        driven = battery.as_driven(load_out.seconds_on_the_way, load_out.seconds)
-        used = battery.share_used(driven)
-        text = (
-            f"a way to the load-out and back uses {used:.2g} of a battery; must be less than"
-            f" {1.0 - battery.reserve:.2g}, what is above the reserve"
-        )
-        if load_out.seconds_away is None:
-            key = "metres"
-        else:
-            key = "seconds_away"
-        keys = ("carrying.battery.hours", "carrying.battery.reserve", f"load_out.{key}")
-        self._demand(used < 1.0 - battery.reserve, text, *keys)
-
-    def _demand_trailers_that_fill(self) -> None:
-        """A harvest has the bins for a trailer, so that one leaves before it ends."""
-        bins = self.load_out.trailers.bins
-        if bins is None:
-            return
-        # The last bin of each picker may be part full.
-        most = math.ceil(self.rows * self.mean_row / self._metres_per_full_bin) + self.pickers
-        text = f"a trailer never fills: a harvest has {most} bins at most"
-        keys = ("load_out.trailers.bins", "rows", "bins_per_row")
-        self._demand(bins <= most, text, *keys)
-
-    def _demand_room_in_the_queue(self) -> None:
-        """The queue has places for all carriers."""
-        text = lack_of_room(
-            self.route, self.row_length, self.bay, self.queue_carriers, self.has_batteries
-        )
-        # The key that says how many carriers there are.
-        if self.queue_carriers > self.carrier_count:
-            key = "queue_room"
-        elif self.carriers is None:
-            key = "pickers"
-        else:
-            key = "carriers"
-        self._demand(not text, text, key, "row_length", "bay")
-
-    def _demand_one_way_to_say_it(self) -> None:
-        """A picking speed or a rate; metres per bin, bins per row, or a crop; and what follows from
-        them lies within the limits.
-        """
-        self._demand(
-            (self.crop.tonnes_per_hectare is None) == (self.crop.kilograms_per_bin is None),
-            "must be set together",
-            *CROP,
-        )
-        for ways in WAYS:
-            for (first, *_), (second, *_) in combinations(ways, 2):
-                is_one = value_at(self, first) is None or value_at(self, second) is None
-                text = "at most one of both can be set: each says what the other is"
-                self._demand(is_one, text, first, second)
-        self._demand_bins_of_a_usual_size()
-        text = f"must be at most the speed at which pickers drive, {self.top_picking_speed:g} m/s"
-        is_met = self.picking_speed is None or self.picking_speed <= self.top_picking_speed
-        self._demand(is_met, text, "picking_speed", "picking.driving_speed")
-        self._demand_a_rate_that_a_picker_can_have()
-
-    def _demand_bins_of_a_usual_size(self) -> None:
-        """The metres of row that fill a bin are within their limits, also where they follow from
-        other values.
-        """
-        metres = self.bin_metres
-        if metres is None or metres == self.metres_per_bin:
-            return
-        text = (
-            f"a bin would fill in {metres:.4g} m of row; must be {SHORTEST_BIN:g} to"
-            f" {LONGEST_BIN:g} m"
-        )
-        keys: tuple[str, ...] = ("bins_per_row", "row_length")
-        if self.bins_per_row is None:
-            keys = (*CROP, "row_width")
-        self._demand(SHORTEST_BIN <= metres <= LONGEST_BIN, text, *keys)
-
-    def _demand_a_rate_that_a_picker_can_have(self) -> None:
-        """The picking rate makes a speed that a picker can drive."""
-        if self.picking_rate is None:
-            return
-        metres = self._metres_per_full_bin
-        least = math.ceil(36e5 * SLOWEST / metres) / 1e3
-        top = self.top_picking_speed
-        most = math.floor(36e5 * top / metres) / 1e3
-        text = (
-            f"must be {least:g} to {most:g} where {metres:.4g} m of row fill a bin: a"
-            f" picker goes {SLOWEST:g} to {top:g} m/s"
-        )
-        self._demand(least <= self.picking_rate <= most, text, "picking_rate")
-
-    def _demand_that_no_row_is_faster_than_a_picker(self) -> None:
-        """A row takes at least the time to drive along it, so only the rest of its mean time can
-        spread.
-        """
-        self._demand_a_spread_that_can_be("picking.spread", self.picking.spread)
-        self._demand_a_spread_that_can_be(
-            "picking.spread_of_pickers", self.picking.spread_of_pickers
-        )
-
-    def _demand_a_spread_that_can_be(self, path: str, spread: Spread) -> None:
-        """Check that a spread leaves the time to drive along a row. `path`: of the spread."""
-        if spread.distribution == "none":
-            return
-        top = self.top_picking_speed
-        most = WIDEST.get(spread.distribution, 1.0) * (1.0 - self.mean_picking_speed / top)
-        if most >= LEAST_CV:
-            wanted = f"cv must be at most {math.floor(most * 1e6) / 1e6:g}"
-        else:
-            wanted = "the distribution must be none"
-        if self.picking_rate is None:
-            speed = "picking_speed"
-        else:
-            speed = "picking_rate"
-        text = f"{wanted} at this {speed}, because no picker picks faster than {top:g} m/s"
-        keys = (speed, f"{path}.distribution", f"{path}.cv")
-        self._demand(spread.cv <= most + 1e-9, text, *keys)
-
-    def _demand_rates_of_pickers(self) -> None:
-        """Check that the rates are those of pickers, and that no picker is faster than it can."""
-        self._demand_known_pickers("picker_rates", self.picker_rates)
-        least = SLOWEST / self.mean_picking_speed
-        most = self.top_picking_speed / self.mean_picking_speed
-        text = (
-            f"must be {least:.3g} to {most:.4g} each: a picker goes {SLOWEST:g} to"
-            f" {self.top_picking_speed:g} m/s"
-        )
-        rates = self.picker_rates.values()
-        are_possible = all(least <= rate <= most * (1.0 + 1e-9) for rate in rates)
-        self._demand(are_possible, text, "picker_rates")
-
-    def _demand_absences_of_pickers(self) -> None:
-        """Check that those who are away are pickers, and that each leaves before it comes back."""
-        self._demand_known_pickers("picker_absences", self.picker_absences)
-        for name, absences in self.picker_absences.items():
-            hours = [hour for absence in absences for hour in absence]
-            text = (
-                f"{name}: must be pairs of hours that go on, [from, to], such as [[0, 4.5], [8, 9]]"
-            )
-            is_in_order = all(after - before >= 0.01 for before, after in pairwise(hours))
-            self._demand(is_in_order, text, "picker_absences")
-
-    def _demand_known_pickers(self, key: str, given: Iterable[str]) -> None:
-        """Check that names are those of pickers."""
-        names = [name_of("picker", i + 1) for i in range(self.pickers)]
-        unknown = [name for name in given if name not in names]
-        text = (
-            f"must be pickers that there are, {names[0]} to {names[-1]}; not {', '.join(unknown)}"
-        )
-        self._demand(not unknown, text, key)
-
-    def _demand_what_the_survey_says(self) -> None:
-        """Rows, their length and width are those of the survey, if there is one."""
-        if self.survey is None:
-            return
-        length = round(self.survey.length, 6)
-        wanted = {"rows": len(self.survey.rows), "row_length": length, "row_width": USUAL_WIDTH}
-        wrong = [name for name in SURVEYED if abs(getattr(self, name) - wanted[name]) > ROUNDING]
-        numbers = " and ".join(f"{wanted[name]:.10g}" for name in wrong)
-        self._demand(not wrong, f"must be {numbers} with this survey", *wrong)
-
-
-def value_at(scenario: Scenario, path: str) -> Any:
-    """Return the value of a field. `path`: dotted."""
-    return reduce(getattr, path.split("."), scenario)
-
-
-def other_ways(path: str) -> list[str]:
-    """Return the keys that say in another way what this one says: at most one way can be used.
-
-    `path`: dotted.
-
-    >>> other_ways("bins_per_row")
-    ['metres_per_bin', 'crop.tonnes_per_hectare', 'crop.kilograms_per_bin']
-    """
-    others = []
-    for ways in WAYS:
-        if any(path in way for way in ways):
-            others += [key for way in ways if path not in way for key in way]
-    return others

@@ -1,4 +1,9 @@
-"""The sections of a scenario: people, crop, picking, carrying, sensors, prices; their limits."""
+"""The sections of a scenario, with their limits: people, animals, crop, picking, carrying, handling
+of bins, and load-out.
+
+The sections of sensors, of the working day and of prices stand in `sensors`, `shift` and `prices`
+beside this file.
+"""
 
 import math
 from typing import Annotated
@@ -18,7 +23,7 @@ from orchard.field.ticks import QUICKEST_COUPLING, QUICKEST_UNCOUPLING, TIME_STE
 
 
 class _Guests(Section):
-    """Numbers of bodies that are at most 50 together."""
+    """Numbers of bodies that are at most MOST_GUESTS together."""
 
     @model_validator(mode="after")
     def _not_too_many(self) -> "_Guests":
@@ -57,8 +62,10 @@ class Crop(Section):
     ] = None
 
 
+# A cv is a standard deviation as a share of the mean (coefficient of variation).
 LEAST_CV = 0.01
-# Greatest cv of the part of a row's picking time that is drawn.
+# Distribution -> greatest cv of the part of a row's picking time that is drawn. It must not be
+# negative: a uniform number with mean 1 reaches down to 1 - sqrt(3) * cv.
 WIDEST = {
     "lognormal": 1.0,
     "gamma": 1.0,
@@ -96,14 +103,15 @@ class Failure(Section):
 
     @property
     def share(self) -> float:
-        """The mean time of repairs for a time of work."""
+        """The mean time of repairs, as a share of the time of work; 0 without failures."""
         if self.mean_between is None:
             return 0.0
         return self.mean_repair / self.mean_between
 
 
 TURNING = "rate at which it turns on the spot, degrees/s; its bin swings round behind it"
-USUAL_TURNING = 22.5  # degrees/s
+# degrees/s: the usual rate is pi/8 rad/s, that of the manual.
+USUAL_TURNING = 22.5
 SLOWEST_TURN = 5.0
 FASTEST_TURN = 60.0
 
@@ -135,7 +143,7 @@ class Picking(Section):
 class Battery(Section):
     """How long a battery lasts, and takes to charge.
 
-    One that is at the reserve when its carrier's job is done must charge.
+    A carrier whose battery is at the reserve when its job is done goes to charge.
     """
 
     hours: Annotated[
@@ -170,11 +178,14 @@ class Battery(Section):
     ] = 0.2
 
     def as_driven(self, driving: float, standing: float) -> float:
-        """Return the time of driving that uses as much as two times, of any unit, together."""
+        """Return the time of driving that uses as much charge as some driving and some standing.
+
+        All three times are in the same unit.
+        """
         return driving + self.standing * standing
 
     def share_used(self, driven_seconds: float) -> float:
-        """Return which share of a full battery some driving uses; 0 if it is endless."""
+        """Return which share of a full battery some driving uses; 0 if the battery is endless."""
         if self.hours is None:
             return 0.0
         return driven_seconds / (3600.0 * self.hours)
@@ -256,7 +267,7 @@ class Trailers(Section):
 
     @model_validator(mode="after")
     def _both_or_neither(self) -> "Trailers":
-        """Check that it is known how many there are, and how large."""
+        """Check that both are set, how many trailers there are and how many bins each takes."""
         self._demand(
             (self.count is None) == (self.bins is None), "must be set together", "count", "bins"
         )
@@ -281,7 +292,7 @@ class Truck(Section):
 
     @model_validator(mode="after")
     def _both_or_neither(self) -> "Truck":
-        """Check that it is known when it comes, and for how many bins."""
+        """Check that both are set, when the truck comes and how many bins it takes."""
         self._demand(
             (self.every is None) == (self.bins is None), "must be set together", "every", "bins"
         )
@@ -295,10 +306,11 @@ EMPTY_BINS = (
 
 
 class LoadOut(Section):
-    """Where full bins go from the bay: a carrier that has unloaded there is away for a time.
+    """Where full bins go from the bay.
 
-    Either the way and the speed, or the time; neither: a carrier that has unloaded is home. With
-    trailers it is them that are away. With a truck none is away.
+    Without a load-out a carrier that has unloaded in the bay goes to the queue. With a load-out it
+    first drives there and back; the scenario sets the way and the speed, or the time. With trailers
+    these drive to the load-out, and carriers stay. With a truck no load-out is needed.
     """
 
     metres: Annotated[
@@ -334,7 +346,7 @@ class LoadOut(Section):
 
     @property
     def has_truck(self) -> bool:
-        """Whether a truck fetches the bins from the bay."""
+        """Whether a truck fetches full bins from the bay."""
         return self.truck.every is not None
 
     @property
@@ -344,7 +356,10 @@ class LoadOut(Section):
 
     @property
     def seconds_on_the_way(self) -> float:
-        """The time of the way to the load-out and back, s."""
+        """The time of the way to the load-out and back, s; 0 without a load-out.
+
+        `seconds_away` is the whole time, and counts as driven.
+        """
         if self.seconds_away is not None:
             return self.seconds_away
         if self.metres is None or self.speed is None:
@@ -353,7 +368,7 @@ class LoadOut(Section):
 
     @model_validator(mode="after")
     def _one_way_to_say_it(self) -> "LoadOut":
-        """Check that there is the way, or the time, and not half of one."""
+        """Check that there is the whole way with its speed, or the time, or neither."""
         self._demand(
             (self.metres is None) == (self.speed is None),
             "must be set together: the way to the load-out and the speed on it",
@@ -382,7 +397,11 @@ class LoadOut(Section):
 
     @model_validator(mode="after")
     def _empty_bins_come_back(self) -> "LoadOut":
-        """Check that empty bins come back if they can run out, and that what brings them fills."""
+        """Check that empty bins come back if they can run out.
+
+        Only a trailer or a truck brings them. Neither may take more bins than there are: it would
+        never be full, and a trailer leaves only when it is full.
+        """
         self._demand(
             not self.has_truck or not self.is_given,
             "at most one of both can be set: a truck fetches the bins from the bay, or carriers or"
@@ -413,75 +432,3 @@ class LoadOut(Section):
                 "empty_bins",
             )
         return self
-
-
-class LaserSettings(Section):
-    """Settings of all lasers."""
-
-    noise: Annotated[
-        float, Field(ge=0.0, le=0.02, description="standard deviation of a measured range, m")
-    ] = 0.0
-
-
-BIAS_TIME = "time in which the correlation of the slow error falls to 1/e, s"
-# With larger errors, a carrier may take a picker that waits 0.25 m beside its road for one ahead of
-# it.
-MOST_WHITE = 0.1  # m
-MOST_BIAS = 0.03  # m
-
-
-class Gnss(Section):
-    """Errors of receivers in x and in y: a white one, and a slow one, a Gauss-Markov process of the
-    first order. See docs/reference.md.
-    """
-
-    white: Annotated[
-        float,
-        Field(
-            ge=0.0, le=MOST_WHITE, description="standard deviation of the error new at each tick, m"
-        ),
-    ] = 0.0
-    bias: Annotated[
-        float, Field(ge=0.0, le=MOST_BIAS, description="standard deviation of the slow error, m")
-    ] = 0.0
-    bias_time: Annotated[float, Field(ge=1.0, le=86400.0, description=BIAS_TIME)] = 300.0
-
-
-class OdometrySettings(Section):
-    """Errors of the odometry of pickers, carriers and the tractor: constants, drawn for
-    each robot.
-    """
-
-    distance: Annotated[
-        float,
-        Field(
-            ge=0.0, le=0.1, description="standard deviation of the error of distances, as a share"
-        ),
-    ] = 0.0
-    heading: Annotated[
-        float,
-        Field(
-            ge=0.0,
-            le=0.05,
-            description="standard deviation of the drift of the heading, rad/m driven",
-        ),
-    ] = 0.0
-
-
-class SensorSettings(Section):
-    """Errors of what robots measure of their own motion.
-
-    Without them what they measure is the truth.
-    """
-
-    gnss: Annotated[Gnss, Field(description="the receivers that measure where robots are")] = Gnss()
-    odometry: Annotated[
-        OdometrySettings, Field(description="what robots measure of their motion by their wheels")
-    ] = OdometrySettings()
-
-    @property
-    def are_exact(self) -> bool:
-        """Whether robots measure the truth."""
-        return not any(
-            (self.gnss.white, self.gnss.bias, self.odometry.distance, self.odometry.heading)
-        )

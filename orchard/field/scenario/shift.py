@@ -6,9 +6,11 @@ from pydantic import Field, field_serializer, model_validator
 
 from orchard.field.problems import Called, Section
 
+# A time of day, "HH:MM", from 00:00 to 23:59.
 TIME = r"^([01][0-9]|2[0-3]):[0-5][0-9]$"
 MOST_BREAKS = 10
-LEAST_WORK = 3600.0  # s a day
+# Working time of a day, at least, s.
+LEAST_WORK = 3600.0
 
 BEGIN = 'time at which a day\'s work begins, such as "07:00"; null: no days'
 END = 'time at which a day\'s work ends, such as "16:30"; null: no days'
@@ -37,7 +39,7 @@ class WorkShift(Section):
 
     @property
     def is_set(self) -> bool:
-        """Whether there are days."""
+        """Whether there are working days: else work never stops."""
         return self.begin is not None and self.end is not None
 
     @property
@@ -59,7 +61,10 @@ class WorkShift(Section):
         return 60.0 * sum(end - begin for begin, end in self.spans)
 
     def time_after(self, seconds: float) -> str:
-        """Return the time of day after so much work, "HH:MM". `seconds`: at most those of a day."""
+        """Return the time of day after so much work of a day, "HH:MM".
+
+        `seconds`: at most `work_seconds`. The end of a span of work is not the begin of the next.
+        """
         minutes = seconds / 60.0
         moment = 0.0
         for begin, end in self.spans:
@@ -72,7 +77,7 @@ class WorkShift(Section):
 
     @field_serializer("breaks")
     def _as_lists(self, breaks: tuple[Break, ...]) -> list[list[str]]:
-        """Return the breaks as a file has them."""
+        """Return the breaks as a file has them: pairs are lists there, and tuples here."""
         return [list(pair) for pair in breaks]
 
     @model_validator(mode="after")

@@ -18,7 +18,7 @@ from pydantic.fields import FieldInfo
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario, other_ways, with_changes
 from orchard.field.scenario.effect import with_effect
-from orchard.field.scenario.schema import value_at
+from orchard.field.scenario.ways import value_at
 from orchard.study.settings import SEED
 from orchard.study.spread import is_number
 

@@ -62,15 +62,29 @@ def _sections(directives: str) -> Iterator[str]:
         if words:
             yield f"{words}\n"
         wanted = MEMBERS.search(options)
-        members = [*_members(thing, wanted[1].replace(",", " ").split())] if wanted else []
+        members = []
+        if wanted:
+            is_inherited = ":inherited-members:" in options
+            members = [*_members(thing, wanted[1].replace(",", " ").split(), is_inherited)]
         if members:
             yield "".join(f"- `{shown}`{meaning}\n" for shown, meaning in members)
 
 
-def _members(class_: type, names: list[str]) -> Iterator[Member]:
+def _members(class_: type, names: list[str], is_inherited: bool) -> Iterator[Member]:
     """Yield the members with these names; without a name, all that are public and of the class
     itself.
+
+    `is_inherited`: whether the members of its base classes follow, as if they were its own.
     """
+    if is_inherited:
+        seen = set[str]()
+        for part in class_.__mro__[:-1]:
+            for member in _members(part, [], is_inherited=False):
+                name = re.split(r"\W", member.shown, maxsplit=1)[0]
+                if name not in seen:
+                    yield member
+                seen.add(name)
+        return
     fields = Fields(class_)
     own = [*fields.types, *(name for name in vars(class_) if name not in fields.types)]
     for name in names or own:

@@ -151,7 +151,7 @@ class Layout:
 
     @property
     def shift(self) -> float:
-        """How much further east the east side lies than with rows of USUAL_ROW, m."""
+        """How much further east the east side lies than with rows of the usual length, m."""
         return self.row_length - USUAL_ROW
 
     @property
@@ -173,7 +173,7 @@ class Layout:
     def bay(self) -> Rect:
         """The unloading bay, with all its places.
 
-        Each place beyond the first is CLOSED_UP further west: a carrier unloads there where it
+        Each place beyond the first one lies further west: a carrier unloads there where it
         stands behind another one.
         """
         scenario = self.scenario

@@ -1,6 +1,6 @@
 """The routes by name, and how long motion takes without traffic.
 
-A scenario names a built-in route or a user's class.
+A scenario names a built-in route, or a class of the user's own that is derived from `OneWay`.
 """
 
 from collections.abc import Iterator
@@ -14,6 +14,7 @@ from orchard.plans.robot import Step
 from orchard.plans.route import OneWay, Side
 from orchard.plans.two_way import TwoWay
 
+# Name of a built-in route -> its class.
 ROUTES = {ONE_WAY: OneWay, TWO_WAY: TwoWay}
 
 
@@ -23,7 +24,10 @@ def route_of(layout: Layout) -> OneWay:
 
 
 def way_to(route: OneWay, lane: int, side: Side) -> tuple[float, float]:
-    """Return a carrier's way from the queue's head to its stop at a lane, m by road, and s."""
+    """Return a carrier's way from the queue's head to its stop at a lane, m by road, and s.
+
+    The head is that of the first line.
+    """
     head = route.queue.place(0)
     seconds = duration(route.approach(lane, side), head, route.layout.machines["carrier"])
     return route.distance(head.x, head.y, lane, side), seconds
@@ -38,9 +42,9 @@ def timetable(
     steps: list[Step], start: Pose, machine: Machine
 ) -> Iterator[tuple[Step, Pose, float, float]]:
     """Yield each step of a machine's plan, the pose in which it begins, and when it begins and
-    ends, s.
+    ends, s from the beginning of the plan.
 
-    Only motion takes time.
+    Only motion takes time here: places are free, and bins are handled at once.
     """
     pose = start
     begins = 0.0

@@ -1,6 +1,8 @@
-"""The route `two-way` (docs/traffic.md).
+"""The route `two-way`, the default (docs/traffic.md).
 
-Deliveries drive south on the outer roads, full bins north on the inner ones.
+Carriers that deliver empty bins drive south on the outer roads D, carriers with full bins north on
+the inner roads F. Here a delivery is a carrier that brings an empty bin, and a full bin is one with
+its carrier. Figures are as in `OneWay`, in m.
 """
 
 from collections.abc import Sequence
@@ -9,9 +11,10 @@ from typing import ClassVar
 from orchard.field.kinds import KINDS
 from orchard.field.queue import TOP_ROAD, TWO_WAY
 from orchard.plans.robot import LITTLE, Gate, Step
-from orchard.plans.route import OneWay, Road, Side
+from orchard.plans.route import ROAD_WIDTH, OneWay, Road, Side
 from orchard.plans.steps import DriveTo, Face, Free, Need
 
+# Places that belong to no lane.
 # Where a full bin that turns west swings over the delivery road.
 CORNER = "corner/north-east"
 # Where the full bins of both sides meet.
@@ -48,12 +51,12 @@ class TwoWay(OneWay):
     # Distance north of a line at which a carrier that comes from the north waits for the line's
     # place.
     LINE_HOLD = 3.5
-    # Distance south of a line at which it has left the place.
+    # Distance south of a line at which a carrier from the north has left the line's place.
     TOP_CLEAR = 3.7
     # Distance east of the connector at which a carrier that drives straight on has left the line's
     # place there.
     EXIT_CLEAR = 3.7
-    # x beyond which a carrier may have to stop for one that stands on the delivery road.
+    # x beyond which a carrier may have to stop for a carrier that stands on the delivery road.
     ENTRY_SIGHT = 36.25
     # x at which a carrier waits to turn onto the delivery road.
     ENTRY_HOLD = 36.6
@@ -73,11 +76,11 @@ class TwoWay(OneWay):
     WEST_HOLD = -37.0
     # y at which a full bin of the west side waits to merge.
     MERGE_HOLD = 11.4
-    # y at which it has left the merge.
+    # y at which a full bin has left the merge.
     MERGE_CLEAR = 18.6
     # y at which a full bin waits to cross the deliveries to the west.
     CROSSING_HOLD = 15.9
-    # y at which it has left the crossing.
+    # y at which a full bin has left the crossing.
     CROSSING_CLEAR = 22.75
 
     # -- what plans, bounds and dispatch ask for
@@ -88,7 +91,10 @@ class TwoWay(OneWay):
         return self.queue.head + self.TO_CONNECTOR
 
     def distance(self, x: float, y: float, lane: int, side: Side) -> float:
-        """Return the metres by road from (x, y) in the queue to a lane's stop."""
+        """Return the metres by road from (x, y) in the queue to the stop at a lane.
+
+        To the west the way leads east to the connector first.
+        """
         road = side.x(self.D_ROAD)
         south = y - side.y(self.layout.lane(lane).y, self.STOP)
         if side is self.east:
@@ -117,8 +123,8 @@ class TwoWay(OneWay):
             [(f, last), (f, self.F_TOP), (west_f, self.F_TOP)],
             [(west_f, last), (west_f, TOP_ROAD), (head, TOP_ROAD)],
         ]
-        roads = [Road("D", points, 1.5) for points in deliveries]
-        roads += [Road("F", points, 1.5) for points in full_bins]
+        roads = [Road("D", points, ROAD_WIDTH) for points in deliveries]
+        roads += [Road("F", points, ROAD_WIDTH) for points in full_bins]
         for side in self.sides.values():
             x = side.x(self.WAITING)
             roads.append(Road("picker", [(x, first), (x, last)], 0.0))
@@ -127,12 +133,14 @@ class TwoWay(OneWay):
     def holds(self) -> list[tuple[str, float, float]]:
         """Return where fronts of carriers stop while a place is taken, for drawings.
 
-        Each is the road, x and y.
+        Each is the name of the road, and x and y of the front, m.
         """
         front = KINDS["carrier"].length / 2
         lanes = self.layout.lanes
         places = []
         for side in self.sides.values():
+            # Deliveries come to the first lane from other holds. No full bin passes the last lane:
+            # the southernmost one begins there.
             x = side.x(self.D_ROAD)
             places += [("D", x, lane.y + self.HOLD - front) for lane in lanes[1:]]
             x = side.x(self.F_ROAD)
@@ -144,7 +152,7 @@ class TwoWay(OneWay):
 
     @property
     def takes_both(self) -> bool:
-        """Never: a picker waits for the second place while it has the first."""
+        """Never: a picker asks for the place on F once it has the place on D."""
         return False
 
     # -- carriers
@@ -157,7 +165,11 @@ class TwoWay(OneWay):
         return self._to_the_west(y, lane)
 
     def _to_the_east(self, y: float, lane: int) -> list[Step]:
-        """Return the way from a line at y, m, to the stop at a lane on the east side."""
+        """Return the way from a line at y, m, to the stop at a lane on the east side.
+
+        A line's `exit` is its place at the connector, its `entry` that at the delivery road. A turn
+        south reaches to the next line, so it needs the places of two lines.
+        """
         side = self.east
         exits = self._lines("exit", y)[:1]
         entries = self._lines("entry", y)
@@ -165,7 +177,8 @@ class TwoWay(OneWay):
         straight = _gates_at(self.queue.head, exits)
         passed = _gates_at(self._exit_clear(side), exits)
         onward = _gates_beside(entries[2:], self.LINE_HOLD)
-        # No delivery waits for a lane while it has the corner.
+        # Before the corner the carrier takes the places of all lanes for which it would wait in the
+        # corner. `last` is the last of these lanes.
         corner = []
         last = 0
         for number in range(1, self._swept("D", lane, side)[-1] + 1):
@@ -182,7 +195,8 @@ class TwoWay(OneWay):
     def _exit_clear(self, side: Side) -> float:
         """Return x at which a carrier that drives on gives its line's place back, m.
 
-        That is before it may have to stop, or beyond its hold.
+        That is before x from which it may have to stop, or else beyond its hold: it must not stand
+        between, where it would keep the place.
         """
         clear = self.connector + self.EXIT_CLEAR
         if clear <= side.x(self.ENTRY_SIGHT):
@@ -190,7 +204,10 @@ class TwoWay(OneWay):
         return max(clear, side.x(self.ENTRY_HOLD) + LITTLE)
 
     def _to_the_west(self, y: float, lane: int) -> list[Step]:
-        """Return the way from a line at y, m, to the stop at a lane on the west side."""
+        """Return the way from a line at y, m, to the stop at a lane on the west side.
+
+        The turn south at the connector needs the exits of two lines: see `_to_the_east`.
+        """
         side = self.west
         exits = self._lines("exit", y)
         turn = _gates_at(self.queue.head, exits[:2])
@@ -209,13 +226,13 @@ class TwoWay(OneWay):
         ]
 
     def go_to_bay(self, lane: int, side: Side) -> list[Step]:
-        """Take the full bin north on the full-bin road, and to the bay.
+        """Return the drive with the full bin north on the full-bin road, and to the bay.
 
-        From the east side the way leads along the top to the west.
+        From the east side it leads along the top to the west.
         """
         blind = self.at_work(lane, side)
         enter, leave = self._northward(lane, side)
-        # Holds that lie behind the entry to the road: their places are needed before it.
+        # The carrier comes onto the road past these gates, so it needs their places before.
         out: list[Step] = []
         while enter and enter[0].at < self.layout.lane(lane).y:
             out.append(Need(enter.pop(0).places))
@@ -238,15 +255,17 @@ class TwoWay(OneWay):
     # -- the roads
 
     def _lines(self, where: str, y: float) -> list[tuple[str, float]]:
-        """Return the places of a line and of those in use south of it, with their y.
+        """Return the places of a line and of the lines south of it, and y of each line, m.
 
-        They come from north to south. `where`: 'exit' or 'entry'. `y`: of the line, m. A single
-        line needs none.
+        They come from north to south. `where`: 'exit', for the places at the connector, or 'entry',
+        for those at the delivery road. `y`: of the line, m. If only one line is in use it needs no
+        place.
         """
         lines = self.queue.used(self.layout.queue_places)
         if len(lines) == 1:
             return []
         passed = [line for line in sorted(lines, reverse=True) if line <= y]
+        # A place has the number of its line, in the order in which lines fill.
         return [(f"{where}/{lines.index(line) + 1}", line) for line in passed]
 
     def _deliver(
@@ -257,9 +276,10 @@ class TwoWay(OneWay):
         frees: Sequence[Gate] = (),
         after: int = 1,
     ) -> Step:
-        """Drive south past lanes to the stop at this one.
+        """Return the drive south past lanes to the stop at a lane.
 
-        The places of the lanes up to `after` are among `needs`, or are reserved already.
+        `needs`, `frees`: further gates of the drive. `after`: the last lane whose place is among
+        `needs`, or is reserved already.
         """
         stop = side.y(self.layout.lane(lane).y, self.STOP)
         enter = []
@@ -280,9 +300,10 @@ class TwoWay(OneWay):
         return places
 
     def _northward(self, lane: int, side: Side) -> tuple[list[Gate], list[Gate]]:
-        """Return the gates of a full bin's way north from a lane.
+        """Return the gates of a full bin's way north from a lane, in its order.
 
-        They are where it needs the places of lanes, and where it gives them back.
+        The first list has those at which it needs the places of lanes, the second one those at
+        which it gives them back.
         """
         enter = []
         leave = []
@@ -295,9 +316,10 @@ class TwoWay(OneWay):
         return enter, leave
 
     def _to_bay(self, enter: list[Gate], leave: list[Gate]) -> list[Step]:
-        """Drive north on the west side, and to the bay.
+        """Return the drive north on the west side, and to the bay.
 
-        `enter`, `leave`: the gates before the crossing, as a drive `needs` and `frees` them.
+        `enter`, `leave`: the gates before the crossing at which the carrier needs places, and gives
+        them back.
         """
         crossing = Gate([CROSSING], self.CROSSING_HOLD)
         frees = [Gate([MERGE], self.MERGE_CLEAR), Gate([CROSSING], self.CROSSING_CLEAR)]

@@ -18,7 +18,7 @@ from orchard.field.queue import BAY_STOP, CLOSED_UP, ONE_WAY, PITCH, TOP_ROAD, U
 from orchard.field.repeatable import PI, QUARTER
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.field.survey import TRUNK
-from orchard.plans import driving, robot, sense
+from orchard.plans import course, driving, robot_memory, sense
 from orchard.plans.route import OneWay
 from orchard.plans.two_way import TwoWay
 from orchard.sim import deeds
@@ -276,7 +276,7 @@ def _behaviours() -> str:
         ),
         (
             "drive (`DriveTo`)",
-            f"at the machine's speed to an absolute x or y, nearer than {robot.EXACT:g} m counts"
+            f"at the machine's speed to an absolute x or y, nearer than {course.EXACT:g} m counts"
             " as there",
         ),
         (
@@ -287,7 +287,7 @@ def _behaviours() -> str:
         (
             "back to the course",
             f"""a robot that something has moved or turned comes back before it
-            goes on: to its heading, and aslant to its line from {robot.LITTLE:g} m off it""",
+            goes on: to its heading, and aslant to its line from {course.LITTLE:g} m off it""",
         ),
         (
             "obstacle ahead (pickers, carriers, tractor)",
@@ -315,7 +315,7 @@ def _behaviours() -> str:
         ),
         (
             "after a collision",
-            f"""a robot stands for {_seconds(robot.RECOVERY)}; a person or an
+            f"""a robot stands for {_seconds(robot_memory.RECOVERY)}; a person or an
             animal backs off or turns for {_seconds(walker.RECOVERY)}""",
         ),
         ("person", "walks straight on at its full speed, and turns only for what is in its path"),

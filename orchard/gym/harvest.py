@@ -24,7 +24,7 @@ from orchard.gym.episodes import Episode, plain, refuse_what_is_no_episode
 from orchard.gym.rewards import REWARDS, Moment, Reward, named
 from orchard.gym.spaces import Arrays
 from orchard.local import Local
-from orchard.plans.robot import RobotMemory
+from orchard.plans.robot_memory import RobotMemory
 from orchard.sim.engine import Engine, Unaudited
 
 LONGEST = 20_000  # ticks of an episode, 2000 s; the default orchard's harvest takes 5,446

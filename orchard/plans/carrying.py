@@ -1,14 +1,13 @@
-"""Steps of carriers at the bay, at the load-out, in the queue and at a charger."""
+"""Steps of carriers at the bay, at the load-out, in the queue and at a charger.
 
+`orchard/plans/steps.py` says what a step is.
+"""
+
+from math import ceil
 from typing import ClassVar
 
-from orchard.contract.messages import (
-    BinState,
-    StateRequest,
-)
-from orchard.field.geometry import (
-    Pose,
-)
+from orchard.contract.messages import BinState, StateRequest
+from orchard.field.geometry import Pose
 from orchard.field.machines import Machine
 from orchard.field.scenario import TIME_STEP
 from orchard.field.ticks import BIN_FOLLOWS
@@ -24,7 +23,7 @@ from orchard.plans.robot import (
 class Unload(Step, frozen=True):
     """For carriers: stand in the bay until the bin is no longer full.
 
-    It is asked every PATIENCE ticks.
+    The carrier asks the bin every PATIENCE ticks.
     """
 
     def act(self, robot: PlanExecutor) -> bool:
@@ -36,25 +35,29 @@ class Unload(Step, frozen=True):
         return isinstance(answer, BinState) and not answer.full
 
     def ticks_until_empty(self, machine: Machine) -> int:
-        """Return the ticks until the bin is empty."""
+        """Return the ticks from the carrier's stop until the bin is empty.
+
+        The bin stands BIN_FOLLOWS ticks later, and that tick is the first of its unloading.
+        """
         return BIN_FOLLOWS + machine.unloading_ticks - 1
 
     def ticks(self, machine: Machine) -> int:
-        """Return the ticks until the carrier has heard that.
+        """Return the ticks until the carrier has heard that the bin is empty.
 
-        The bin is asked first after so many ticks that are a multiple of PATIENCE.
+        It asks at its stop, and then every PATIENCE ticks. The first question after the bin is
+        empty is answered ASK ticks later.
         """
-        return -(-self.ticks_until_empty(machine) // PATIENCE) * PATIENCE + ASK
+        return ceil(self.ticks_until_empty(machine) / PATIENCE) * PATIENCE + ASK
 
 
 class Haul(Step, frozen=True):
-    """For carriers that have unloaded: be away at the load-out, as seen from the queue.
+    """For carriers that have unloaded: be away at the load-out.
 
-    The carrier stands for itself in its line, and moves up there like those that wait. `Home`
-    after this step makes it free.
+    The load-out lies outside of the orchard. So the carrier stays in its line of the queue
+    meanwhile, and moves up there like carriers that wait. `Home` after this step makes it free.
     """
 
-    #: x of the line's head.
+    #: x of the line's head, m.
     head: float
     keeps_course: ClassVar[bool] = True
 
@@ -68,27 +71,30 @@ class Haul(Step, frozen=True):
         return False
 
     def motion(self, start: Pose, machine: Machine) -> tuple[Pose, float]:
-        """Return the same pose, and the time for which it is away, s, less that of moving up, which
-        the drive after this step takes.
+        """Return the same pose, and the time for which the carrier is away, s.
+
+        The time of moving up is taken off, because the drive after this step counts it.
         """
         _, moving_up = self._moving_up.motion(start, machine)
         return start, max(0.0, machine.haul_ticks * TIME_STEP - moving_up)
 
     @property
     def _moving_up(self) -> DriveTo:
+        """The drive to the line's head, as far as carriers ahead leave room."""
         return DriveTo(x=self.head, queueing=True)
 
 
 class Charge(Step, frozen=True):
-    """For carriers that are in a charging line: charge from here on.
+    """For carriers that are in a charging line: begin to charge, or to wait for a charger.
 
-    They charge where they stand, once a charger is free.
+    They charge where they stand, once a charger is free. Physics gives them one
+    (orchard/sim/batteries.py).
     """
 
     keeps_course: ClassVar[bool] = True
 
     def act(self, robot: PlanExecutor) -> bool:
-        """Say so, and be done."""
+        """Note in the memory that the carrier charges, and be done."""
         robot.memory.doing = "charging"
         robot.memory.state = "resting"
         robot.memory.charged = False
@@ -96,7 +102,10 @@ class Charge(Step, frozen=True):
 
 
 class Charged(Step, frozen=True):
-    """For carriers: stand until the battery has been full."""
+    """For carriers: stand until the battery has been full since `Charge`.
+
+    The carrier's agent notes that in the memory (orchard/behaviour/carrier.py).
+    """
 
     def act(self, robot: PlanExecutor) -> bool:
         """Stand. Return whether the battery has been full."""
@@ -107,7 +116,7 @@ class Charged(Step, frozen=True):
 class Home(Step, frozen=True):
     """For carriers: the job is done, and the carrier can be called again.
 
-    A carrier that is back from the load-out may be on its way up its line.
+    The step needs no course: a carrier that is back from the load-out may still move up its line.
     """
 
     keeps_course: ClassVar[bool] = True

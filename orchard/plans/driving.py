@@ -1,7 +1,7 @@
-"""Steps that drive and turn.
+"""Steps that drive and turn. `orchard/plans/steps.py` says what a step is.
 
-A drive leads along x or y, and passes gates: before some it stops until the places there are
-reserved for the robot, at others it gives places back.
+A drive leads along x or y, and passes gates (`Gate` of orchard/plans/robot.py): before some the
+robot stops until the places there are reserved for it, at others it gives places back.
 """
 
 from typing import ClassVar
@@ -17,24 +17,18 @@ from orchard.field.geometry import (
 )
 from orchard.field.machines import Machine
 from orchard.field.scenario import TIME_STEP
-from orchard.plans.robot import (
-    EXACT,
-    SHIFT,
-    SLACK,
-    Gate,
-    PlanExecutor,
-    Step,
-)
+from orchard.plans.course import EXACT, SHIFT, SLACK
+from orchard.plans.robot import Gate, PlanExecutor, Step
 from orchard.plans.sense import Box
 
-# m from a place at which a robot that searches for the coupling point counts as there.
+# A robot that searches for the coupling point is at a place if it is nearer than this, m.
 THERE = 0.01
-# m past a gate from which a robot that is not sure of its place takes it to be behind.
+# A robot that is not sure of its position takes a gate to be behind it if it is so far past it, m.
 PASSED = 0.5
-# s before a robot is at a gate, at which it asks for its places. Earlier would keep others off.
+# A robot asks for a gate's places so long before it is there, s. Earlier would keep others off.
 LOOK_AHEAD = 3.0
-# m before it, at most: less than from a robot to the next one in a line, so that none asks before
-# the one in front of it.
+# And so far before the gate at most, m: less than from a robot to the next one in a line, so that
+# no robot asks before the one in front of it.
 MOST_AHEAD = 3.0
 
 
@@ -44,7 +38,7 @@ def asked_ahead(speed: float) -> float:
 
 
 class DriveTo(Step, frozen=True):
-    """Drive straight on until x (or y) is exactly the target; slower in the last step.
+    """Drive straight on until x (or y) is exactly the target; slower in the last tick.
 
     The robot stops before the first of the gates `needs` whose places are not reserved for it. It
     gives the places of the gates `frees` back once it has passed them.
@@ -60,7 +54,7 @@ class DriveTo(Step, frozen=True):
     frees: list[Gate] = []
     #: What is no obstacle on the way.
     blind_to: list[Box] = []
-    #: To stand behind other robots is normal here, and is not reported.
+    #: Whether it is normal to stand behind other robots here, so that it is not reported.
     queueing: bool = False
     keeps_course: ClassVar[bool] = True
 
@@ -69,17 +63,18 @@ class DriveTo(Step, frozen=True):
         course = robot.course
         speed = self.speed_of(robot.machine)
         axis = self.axis
-        # Positions along the axis, m.
+        # Positions along the axis, m. The course led up to `course_end` in the last tick.
         here = getattr(robot.pose, axis)
-        before = getattr(course, axis)
+        course_end = getattr(course, axis)
         target = getattr(self, axis)
         ahead = _sign_of(course.heading)
         for gate in self.frees:
             if ahead * (here - gate.at) > -EXACT:
                 robot.free(gate.places)
-        # A robot that was pushed ahead has not passed the gates there.
-        passed = min(here, before, key=lambda at: ahead * at)
+        # A robot that was pushed beyond the end of its course has not passed the gates there.
+        passed = min(here, course_end, key=lambda position: ahead * position)
         limit = self._limit(robot, here, passed, ahead, target)
+        # The course leads up to the target, or to a gate that is closed.
         setattr(course, axis, limit)
         remaining = ahead * (limit - here)
         if robot.comes_back(self.blind_to, speed):
@@ -136,7 +131,8 @@ class DriveTo(Step, frozen=True):
         if speed <= 0.0:
             return 1
         reserved = set(robot.memory.reserved)
-        # m up to where it drives slower, gives places back, or asks for places.
+        # m up to each point at which the step must act: where it drives slower, gives places back,
+        # or asks for places.
         rooms = [remaining - speed * TIME_STEP]
         for gate in self.frees:
             if not reserved.isdisjoint(gate.places):
@@ -146,7 +142,7 @@ class DriveTo(Step, frozen=True):
             room = ahead * (gate.at - here) - asks_before
             if room >= 0.0 and not reserved.issuperset(gate.places):
                 rooms.append(room)
-        # Rounded up: it acts again when it has come to the first of them.
+        # Rounded up: the step acts again when the robot has come to the first of these points.
         return int(max(0.0, min(rooms) - SLACK) / (speed * TIME_STEP)) + 1
 
     def _limit(
@@ -154,11 +150,12 @@ class DriveTo(Step, frozen=True):
     ) -> float:
         """Return up to where the robot may drive along the axis, m.
 
-        That is the target, or the first gate before it with places that are not reserved. It asks
-        for these places if it is near. `passed`: up to where it has passed gates, m. `ahead`: the
-        sign of its direction.
+        That is the target, or the first gate before it with places that are not reserved. The robot
+        asks for these places if it is near the gate. `here`: where it is, `passed`: up to where it
+        has passed gates, m. `ahead`: the sign of its direction.
         """
         tolerance = EXACT
+        # A measured position may jump back behind a gate that the robot has passed.
         if robot.position_bound:
             tolerance = PASSED
         for gate in self.needs:
@@ -180,7 +177,7 @@ class DriveToBay(DriveTo, frozen=True, kw_only=True):
     A carrier that is held up further back in the bay has come to a place too, and unloads there.
     """
 
-    #: x from which on it does, m.
+    #: x from which on a carrier that is held up unloads, m.
     unloads_from: float
 
     def ends_at(self, robot: PlanExecutor, here: float) -> bool:
@@ -195,6 +192,7 @@ class Face(Step, frozen=True):
     which a bin on the bar is no longer in the way of a robot behind it.
     """
 
+    #: A key of HEADINGS.
     heading: str
     blind_to: list[Box] = []
     keeps_course: ClassVar[bool] = True
@@ -203,6 +201,7 @@ class Face(Step, frozen=True):
     def act(self, robot: PlanExecutor) -> bool:
         """Turn on. Return whether the robot faces the heading."""
         robot.course.heading = self.heading
+        # A robot that was moved first comes back to where it shall turn; on that way it also turns.
         if robot.is_moved:
             return not robot.comes_back(self.blind_to)
         return _turns_to(robot, HEADINGS[self.heading], self.blind_to)
@@ -214,7 +213,7 @@ class Face(Step, frozen=True):
 
 
 def _turns_to(robot: PlanExecutor, yaw: float, blind_to: list[Box]) -> bool:
-    """Turn towards a yaw, rad. Return whether the robot has it."""
+    """Turn towards a yaw, rad. Return whether the robot faces it already."""
     remaining = angle_between(robot.pose.yaw, yaw)
     if abs(remaining) > EXACT:
         robot.turn_by(remaining, blind_to)
@@ -241,7 +240,7 @@ class Ahead(Step, frozen=True):
     metres: float
 
     def act(self, robot: PlanExecutor) -> bool:
-        """Put the drive to that point into the plan."""
+        """Put a drive with an absolute target into the plan, and be done."""
         heading = nearest_heading(robot.pose.yaw)
         distance = _sign_of(heading) * self.metres
         if heading in ("EAST", "WEST"):
@@ -259,7 +258,7 @@ class MoveTo(Step, frozen=True):
     y: float
 
     def act(self, robot: PlanExecutor) -> bool:
-        """Put the turns and drives to that point into the plan."""
+        """Put the turns and drives to that point into the plan, and be done."""
         along_x = _leg("EAST", "WEST", self.x - robot.pose.x, DriveTo(x=self.x))
         along_y = _leg("NORTH", "SOUTH", self.y - robot.pose.y, DriveTo(y=self.y))
         if nearest_heading(robot.pose.yaw) in ("EAST", "WEST"):
@@ -277,7 +276,10 @@ def _sign_of(heading: str) -> float:
 
 
 def _leg(positive: str, negative: str, distance: float, drive: DriveTo) -> list[Step]:
-    """Return the turn and the drive over a distance, m, with a sign; none if it is 0."""
+    """Return the turn and the drive over a distance along an axis; none if the distance is 0.
+
+    `positive`, `negative`: the headings in both directions. `distance`: m, with its sign.
+    """
     if abs(distance) <= EXACT:
         return []
     if distance > 0:
@@ -296,9 +298,9 @@ class Aim(Step, frozen=True):
 
 
 class Shift(Step, frozen=True):
-    """Drive slowly, ahead or back, to the point of the robot's line that is nearest to (x, y).
+    """Drive slowly, ahead or back, until the robot is beside the point (x, y), m.
 
-    An obstacle ends the step too.
+    It does not turn. An obstacle ends the step too.
     """
 
     x: float

@@ -1,8 +1,8 @@
-"""Where a robot takes itself to be (docs/reference.md).
+"""Where a robot takes itself to be, if its receiver has errors (docs/reference.md).
 
-Its odometry carries its estimate on, and each new position corrects it: this is a complementary
-filter. While it drives, a robot also learns by which share its odometry measures too much or too
-little.
+Odometry, the motion measured by the wheels, carries the robot's estimate on, and each newly
+measured position corrects it: this is a complementary filter. While it drives, a robot also learns
+by which share its odometry measures too much or too little.
 """
 
 import msgspec
@@ -11,11 +11,12 @@ from orchard.contract.agent import Observation
 from orchard.field.geometry import Pose, from_frame, to_frame
 from orchard.field.scenario import TIME_STEP
 
-# Share of the difference between position and estimate that corrects the estimate. As of any
-# exponential smoothing, of white errors sqrt(GAIN / (2 - GAIN)) remains, which is 23 %.
+# Share of the difference between measured position and estimate by which the estimate is corrected
+# at each tick. As in any exponential smoothing, sqrt(GAIN / (2 - GAIN)) of white errors remains,
+# which is 23 %.
 GAIN = 0.1
-# Share that is learned for each m by which the estimate was wrong and each m driven since: in some
-# 3 s at 1 m/s.
+# Change of `Estimate.share` for each m by which odometry was wrong and each m that was driven, per
+# m2. So a wrong share is learned in some 3 s at 1 m/s.
 LEARN = 0.5
 
 
@@ -35,7 +36,7 @@ def place_of(seen: Observation, before: Estimate | None) -> Estimate:
         return Estimate(seen.tick, seen.x, seen.y)
     ahead = before.share * seen.twist.x * TIME_STEP * (seen.tick - before.tick)
     x, y = from_frame(Pose(before.x, before.y, seen.pose.yaw), ahead, 0.0)
-    # m by which its position is ahead of where its odometry has it.
+    # m by which the measured position is ahead of where odometry has the robot.
     further, _ = to_frame(Pose(x, y, seen.pose.yaw), seen.x, seen.y)
     return Estimate(
         tick=seen.tick,
@@ -48,7 +49,7 @@ def place_of(seen: Observation, before: Estimate | None) -> Estimate:
 def as_seen_from(place: Estimate, seen: Observation) -> Observation:
     """Return the observation with the estimate in place of the measured position.
 
-    What is on the bar moves with it.
+    The bin on the bar is moved by the same difference.
     """
     dx = place.x - seen.x
     dy = place.y - seen.y

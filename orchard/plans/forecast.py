@@ -1,4 +1,8 @@
-"""A bin's forecast: where and when will it stand full, while a picker still fills it?"""
+"""A bin's forecast: where and when it will stand full, while a picker still fills it.
+
+Bins report it to the agent `dispatch`, so that a carrier can come in time. They see their picker's
+pose and velocity, and their own fill. The event model uses the same rules.
+"""
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -10,22 +14,25 @@ from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.plans.routes import route_of, way_to
 
-# Rad and m: a picker whose heading, or place, is nearer than this to that of a row faces along it,
-# or is in it.
+# A picker whose heading differs from that of a row by less than so many rad faces along it. A point
+# that is past another one by less than so many m is not past it.
 ALONG = 0.01
-LEAST_SPEED = 0.001  # m/s: a picker that is slower does not pick, but stands, or is about to
-EARLIER = 30.0  # s before a carrier would have to leave for the farthest lane
+# m/s. A picker that is slower does not pick: it stands, or is about to.
+LEAST_SPEED = 0.001
+# A bin begins to report so long before a carrier would have to leave for the farthest lane, s.
+EARLIER = 30.0
 
 
 class Ripening(NamedTuple):
     """Where and when a bin will be full."""
 
     lane: int
-    # End of the lane.
+    # The end of the lane to which the picker drives: 'east' or 'west'.
     side: str
-    # Until it is full, and at the furthest end of a row there; 0 once it is.
+    # s until the bin is full, and has been driven to the outermost end of all rows on that side; 0
+    # once it is so.
     seconds: float
-    # m that its picker still has to drive, and does not pick.
+    # m that its picker still drives in the row without picking.
     before: float
 
 
@@ -50,24 +57,30 @@ class Forecast:
     def of(
         self, seen: Observation, picker: Hitch, picking_speed: float, left_at: LeftAt | None = None
     ) -> Ripening | None:
-        """Return the forecast for a bin on a picker; None unless the picker is in a row that is not
-        picked, or drives into one.
+        """Return the forecast for a bin on a picker.
 
-        `picking_speed`: m/s in this row. `left_at`: where the bin will be left, unless each row
-        fills one. A picker that stands before a row may have to wait for roads that early carriers
-        block.
+        None unless the picker is in a row that is not picked yet, or drives into such a row. A
+        picker that stands before a row has none: it may have to wait for roads that carriers block
+        which come early.
+
+        `seen`: by the bin. `picker`: as the bin sees it. `picking_speed`: in this row, m/s.
+        `left_at`: what the picker announced, where it will leave the bin. It is not needed if each
+        row fills one bin.
         """
         side = _side_ahead(picker.pose.yaw)
         if not side:
             return None
         lane = min(self.layout.lanes, key=lambda lane: abs(lane.y - picker.y))
+        # m to the end of the row.
         if side == "east":
             ahead = lane.east - picker.x
         else:
             ahead = picker.x - lane.west
         if ahead < -ALONG:
             return None
+        # m of this row that the picker still picks.
         if self.layout.scenario.bin_metres is None:
+            # Each row fills one bin. Its fill is counted as if all rows had the full length.
             room = max(0.0, self.layout.row_length - seen.fill)
             remaining = room * (lane.length / self.layout.row_length)
         elif left_at is None or (left_at.lane, left_at.side) != (lane.number, side):
@@ -75,6 +88,7 @@ class Forecast:
         else:
             remaining = max(0.0, left_at.fill - seen.fill)
         before = max(0.0, ahead - remaining)
+        # The picker stands before its row, or before the part that it picks.
         if before > ALONG and picker.twist.x <= 0.0:
             return None
         picking = remaining / picking_speed
@@ -82,7 +96,10 @@ class Forecast:
         return Ripening(lane.number, side, seconds, before)
 
     def ticks(self, ripening: Ripening) -> int:
-        """Return the ticks until the bin must look again, if its picker keeps its velocity."""
+        """Return the ticks until the bin must look again, if its picker keeps its velocity.
+
+        That is when it begins to report, or when its picker begins to pick.
+        """
         ticks = int((ripening.seconds - self.horizon) / TIME_STEP)
         if ripening.before:
             metres_a_tick = self.layout.machines["picker"].speed * TIME_STEP
@@ -91,16 +108,19 @@ class Forecast:
 
 
 def until_full(layout: Layout, row: int, side: str, picking: float, before: float) -> float:
-    """Return the seconds until a bin is full and at the furthest end of a row: after `picking`, s,
-    and `before`, m driven.
+    """Return the seconds until a bin is full, and at the outermost end of all rows on its side.
+
+    `row`, `side`: where its picker drives out. `picking`: the time for which the picker still
+    picks, s. `before`: how far it drives in the row without picking, m.
     """
     return picking + (before + layout.beyond(row, side)) / layout.machines["picker"].speed
 
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def horizon(layout: Layout) -> float:
-    """Return how long before it is full a bin begins to call, s: a carrier for the farthest lane
-    then comes in time.
+    """Return how long before it is full a bin begins to report, s.
+
+    A carrier for the farthest lane then comes in time.
     """
     route = route_of(layout)
     longest = 0.0

@@ -1,6 +1,13 @@
-"""Steps that handle bins: robots couple them, leave them, and hand them over."""
+"""Steps that handle bins: robots couple them, leave them, and hand them over.
+
+`orchard/plans/steps.py` says what a step is. A handover: a carrier uncouples its empty bin on the
+point behind a picker's bar where the picker can couple it, and waits until the picker has the bin
+and the place on the road. A robot that is not sure of its position may stand beside the coupling
+point, and then searches for it.
+"""
 
 from itertools import product
+from math import ceil
 
 from msgspec.structs import replace
 
@@ -21,28 +28,30 @@ from orchard.field.geometry import (
 )
 from orchard.field.machines import Machine
 from orchard.field.passes import FULL_WITHIN
+from orchard.plans.course import LITTLE
 from orchard.plans.driving import Ahead, Aim, Shift
 from orchard.plans.robot import (
     ASK,
-    LITTLE,
     PATIENCE,
     Handles,
     PlanExecutor,
     Step,
 )
 
-# Ticks between two questions if the answer changes nothing.
+# Ticks between two questions of which the answer is only shown, and changes nothing.
 SELDOM = 50
-# m which a robot that searches for the coupling point drives ahead to come to one side.
+# m that a robot which searches for the coupling point drives ahead, to come to another side of it.
 PULL = 1.0
-# Ticks for which a robot tries to couple in one place.
+# Ticks for which a robot tries to couple at one place of its search.
 TRIES = 5
-# m from one place to the next. None of the area between is farther from a place than a bin can be
-# coupled.
+# m from one place of the search to the next. No point between places is farther from a place than a
+# bin can be coupled.
 GRID = 0.14
-# The places of the search for the coupling point: m to the left and ahead of the first one.
+# The places of the search for the coupling point, in the order in which they are tried: m to the
+# left of the first place, and ahead of it. For each distance to the left all those ahead are tried.
 SEARCH = [(GRID * left, GRID * ahead) for left, ahead in product((0, 1, -1, 2, -2), (0, 1, -1, 2))]
-# What a picker begins when it has its empty bin, among what a step has asked.
+# Key in `RobotMemory.asked` for the tick at which a picker began to handle its empty bin. It is no
+# question, but is kept and forgotten like those of the step.
 EXCHANGE = "exchange"
 
 
@@ -64,13 +73,14 @@ class Deliver(Step, frozen=True):
         return isinstance(robot.ask(self.picker, Here(robot.memory.delivered)), Yes)
 
     def ticks(self, machine: Machine) -> int:
-        """Return what it takes beside its motion, in ticks: to uncouple, and to ask until the
-        picker has the bin.
+        """Return what it takes beside its motion, in ticks.
+
+        The carrier uncouples, and asks until the picker has the bin.
         """
-        # From the first question, by which the picker hears of the bin, up to the one that it hears
-        # when it has coupled it: a whole number of intervals.
-        questions = -(-(machine.coupling_ticks_at_rest + ASK) // PATIENCE)
-        return machine.uncoupling_ticks + questions * PATIENCE + ASK
+        # By the first question the picker hears of the bin. The last one it hears when it has
+        # coupled the bin. Between them lies a whole number of intervals.
+        intervals = ceil((machine.coupling_ticks_at_rest + ASK) / PATIENCE)
+        return machine.uncoupling_ticks + intervals * PATIENCE + ASK
 
     def handles(self, machine: Machine) -> Handles:
         """Return the ticks to uncouple the bin."""
@@ -80,47 +90,55 @@ class Deliver(Step, frozen=True):
 class Coupling(Step, frozen=True, kw_only=True):
     """A step that couples a bin.
 
-    A robot that is not sure of its place searches for the coupling point.
+    A robot that is not sure of its position searches for the coupling point: it tries one place of
+    SEARCH after another.
     """
 
-    #: Number of the place of the search in which it tries.
+    #: Number of the place of SEARCH at which the robot tries now.
     tried: int = 0
-    #: x and y of the first of them, m.
+    #: x and y of the first place, m; None: the robot stands there.
     at: tuple[float, float] | None = None
 
     def couple(self, robot: PlanExecutor, bin_name: str) -> bool:
-        """Couple a bin.
+        """Couple a bin, or go on to the next place of the search.
 
-        Return whether this step was put off, because the robot tries another place first.
+        Return whether this step is over without a bin: the robot then has the way to the next
+        place, and a further step that tries there, in its plan.
         """
         began = robot.memory.asked.setdefault(f"couple {bin_name}", robot.seen.tick)
         rest = robot.machine.rest_before_coupling
         if self.tried:
-            # In the further places of its search it tries at once.
+            # The robot has taken its time for the deed at the first place.
             rest = 0
         may_couple = robot.couple(bin_name, began + rest)
         if not may_couple or not robot.seen.accuracy:
             return False
         if robot.seen.tick - began - rest < TRIES:
             return False
-        # The error changes slowly, so a place that was tried may do later.
+        # After the last place the first one comes again. The error changes slowly, so a place that
+        # was tried may do later.
         tried = (self.tried + 1) % len(SEARCH)
+        robot.next(self._steps_to_place(robot, tried))
+        # The deed is not asked for where the robot leaves.
+        robot.action.deeds = []
+        return True
+
+    def _steps_to_place(self, robot: PlanExecutor, tried: int) -> list[Step]:
+        """Return the way to a place of SEARCH, and the step that tries to couple there."""
         x, y = self.at or (robot.pose.x, robot.pose.y)
         yaw = HEADINGS[nearest_heading(robot.pose.yaw)]
-        s, c = repeatable.sin_cos(yaw)
+        sine, cosine = repeatable.sin_cos(yaw)
         left, ahead = SEARCH[tried]
         last_left, _ = SEARCH[self.tried]
         steps: list[Step] = []
         if left != last_left:
-            # It drives ahead to come to the other side, and backs up there.
-            aside = Shift(x + c * PULL - s * left, y + s * PULL + c * left)
+            # A robot cannot drive sideways. It drives ahead at a slant, and backs up there.
+            aside = Shift(x + cosine * PULL - sine * left, y + sine * PULL + cosine * left)
             slant = repeatable.atan2(aside.y - robot.pose.y, aside.x - robot.pose.x)
             steps += [Aim(slant), aside, Aim(yaw)]
-        steps.append(Shift(x + c * ahead - s * left, y + s * ahead + c * left))
+        steps.append(Shift(x + cosine * ahead - sine * left, y + sine * ahead + cosine * left))
         steps.append(replace(self, tried=tried, at=(x, y)))
-        robot.next(steps)
-        robot.action.deeds = []
-        return True
+        return steps
 
     def handles(self, machine: Machine) -> Handles:
         """Return the ticks to couple the bin."""
@@ -133,7 +151,7 @@ class TakeBin(Coupling, frozen=True):
     bin: str
 
     def act(self, robot: PlanExecutor) -> bool:
-        """Couple the bin. Return whether it is coupled, or the step is put off."""
+        """Couple the bin. Return whether it is coupled, or a further step tries elsewhere."""
         if robot.seen.hitch is not None and robot.seen.hitch.name == self.bin:
             return True
         return self.couple(robot, self.bin)
@@ -144,20 +162,23 @@ class TakeBin(Coupling, frozen=True):
 
 
 class Announce(Step, frozen=True):
-    """For pickers: announce to the bin where it will be left next, and how full."""
+    """For pickers: announce to the bin where it will be left next, and how full.
+
+    From that the bin forecasts when it will be full (orchard/plans/forecast.py).
+    """
 
     row: int
     #: Of the row: 'east' or 'west'.
     end: str
-    #: m
+    #: Metres of row that will be in the bin.
     fill: float
 
     def act(self, robot: PlanExecutor) -> bool:
-        """Tell the bin. Return whether it has answered, or will not."""
+        """Tell the bin. Return whether it has answered, or will not answer."""
         bin_ = robot.seen.hitch
-        # It has asked, and asked again twice.
+        # The picker has told it three times: at first, and twice again, PATIENCE ticks apart.
         is_too_late = robot.seen.tick - robot.memory.since > 2 * PATIENCE
-        # A bin that does not know calls when it is left.
+        # The harvest goes on: a bin that was not told calls a carrier when it is left.
         if bin_ is None or is_too_late:
             return True
         return robot.ask(bin_.name, LeftAt(self.row, self.end, self.fill)) is not None
@@ -173,20 +194,21 @@ class BeginPickingAt(Step, frozen=True, tag="PickFrom"):
     x: float  #: m
 
     def act(self, robot: PlanExecutor) -> bool:
-        """Ask physics for it, and be done."""
+        """Ask physics to let the picker pick from there, and be done."""
         robot.action.deeds.append(messages.PickFrom(self.x))
         return True
 
 
 class Fill(Step, frozen=True):
-    """For pickers that are not sure of their place: at a row's end, drive on until the bin is full.
+    """For pickers that are not sure of their position: at a row's end, drive on until the bin is
+    full.
 
-    They do so little by little, and ask the bin each time.
+    They drive on by LITTLE, and ask the bin each time.
     """
 
-    #: m that they drive on at most.
+    #: m that the picker still drives on at most.
     most: float
-    #: m that the bin shall hold.
+    #: Metres of row that the bin shall hold.
     fill: float
 
     def act(self, robot: PlanExecutor) -> bool:
@@ -207,6 +229,7 @@ class LeaveBin(Step, frozen=True):
         if robot.seen.hitch is None:
             return True
         robot.memory.full_bin = robot.seen.hitch.name
+        # No carrier has offered an empty bin in exchange for this bin yet.
         robot.memory.offered = ""
         robot.memory.carrier = ""
         robot.uncouple(robot.memory.since)
@@ -222,14 +245,20 @@ class LeaveBin(Step, frozen=True):
 
 
 class FetchEmpty(Coupling, frozen=True):
-    """For pickers: take an empty bin that a carrier brings, with the place where it stands."""
+    """For pickers: take an empty bin that a carrier brings, with the place where it stands.
 
+    The carrier tells the picker of the bin, which the picker's agent notes as `memory.offered`
+    (orchard/behaviour/picker.py).
+    """
+
+    #: On the delivery road, at the lane.
     place: str
 
     def act(self, robot: PlanExecutor) -> bool:
         """Wait for the bin, couple it, and take over its place. Return whether all is done."""
         memory = robot.memory
         if not memory.offered:
+            # Only to show which carrier comes.
             answer = robot.ask(memory.full_bin, EmptyBin(), every=SELDOM)
             if isinstance(answer, CarrierComing):
                 memory.carrier = answer.carrier
@@ -241,13 +270,14 @@ class FetchEmpty(Coupling, frozen=True):
             robot.want([self.place], beside=memory.carrier)
             robot.hold()
             return False
+        # From now on the agent answers the carrier that the bin is taken.
         memory.taken = memory.offered
         memory.carrier = ""
         return self._has_handled(robot)
 
     @staticmethod
     def _has_handled(robot: PlanExecutor) -> bool:
-        """Stand with the empty bin as long as an exchange takes. Return whether that is over."""
+        """Stand with the empty bin for the time of an exchange. Return whether that is over."""
         ticks = robot.machine.exchange_ticks
         if not ticks:
             return True

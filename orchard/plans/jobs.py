@@ -1,9 +1,11 @@
-"""The jobs of a harvest: what picker and carrier need at least for each bin, from the plans that
-they follow in the simulator.
+"""The jobs of a harvest: the least times that picker and carrier need for each bin, from the plans
+that they follow in the simulator.
 
-Times are in ticks, rounded down, with roads that are free. So no robot is faster, whatever sends
-it. Failures, batteries, people, animals and errors of sensors are left out: they take time, and
-give none.
+A job is an exchange of bins: a picker leaves a full bin, and a carrier brings an empty bin and
+takes the full one to the bay. Bounds (orchard/report/bounds.py) and the proven schedule
+(orchard/optimum) are made of jobs. Times are in ticks, rounded down, with roads that are free. So
+no robot is faster, whatever carrier is sent. Failures, batteries, people, animals and errors of
+sensors are left out: they only make a harvest longer.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -34,18 +36,21 @@ from orchard.plans.steps import (
     Unload,
 )
 
-ROUNDING = 1e-6  # ticks, s or m
+# Ticks, s or m that may be missing because of rounding.
+ROUNDING = 1e-6
+# `Use.ticks` of a place that its robot has not given back.
+NOT_GIVEN_BACK = 0
 
 
 class Use(NamedTuple):
-    """A place that a robot has alone, on free roads."""
+    """A time in which a robot has a place alone, on free roads."""
 
     place: str
-    #: When the robot comes to the gate of the place, s from the carrier's stop at the lane on;
-    #: negative before it.
+    #: When the robot comes to the gate of the place, s. In a job it counts from the carrier's stop
+    #: at the lane, and is negative before it.
     at: float
-    #: Until another robot can be at a gate of it: the place was given back, and the other one has
-    #: heard of it.
+    #: Ticks from then until another robot can be at a gate of the place: the place was given back,
+    #: and the other robot has heard of it.
     ticks: int
 
 
@@ -53,36 +58,37 @@ class Use(NamedTuple):
 class TimedJob:
     """An exchange of bins, in ticks.
 
-    The picker leaves a full bin, and goes on with the empty one that a carrier has brought.
+    The picker leaves a full bin, and goes on with the empty bin that a carrier has brought. The
+    stop is where and when the carrier stops at the lane, at the earliest; times of uses count from
+    it. The picker goes on when it has the empty bin.
     """
 
     picker: str
     lane: int
-    #: The end of the lane.
+    #: The end of the lane: 'east' or 'west'.
     side: str
-    #: What the picker uses since it went on before, in its order; from the stop at the earliest on.
+    #: The places that the picker uses from the time at which it last went on, in its order.
     crossings: list[Use]
-    #: From the time at which the picker went on before, or from the start, until a carrier can
-    #: stand at its stop at the lane.
+    #: Ticks from the time at which the picker last went on, or from the start, to the stop.
     ready: int
-    #: The part of `ready` that comes after the full bin, as bins report it.
+    #: The part of `ready` after the time at which the bin is full, as bins report it.
     clearing: int
-    #: What the carrier uses from the first lane on, in its order.
+    #: The places that the carrier uses from the first lane on, in its order.
     way: list[Use]
-    #: For each line of the queue: the ticks from its head to the stop, and what the carrier uses
-    #: before `way`.
+    #: For each line of the queue: the ticks from its head to the stop, and the places that the
+    #: carrier uses before `way`.
     exits: list[tuple[int, list[Use]]]
-    #: From a carrier's order, in the head of its line, to the stop.
+    #: Ticks from a carrier's order, at the head of its line, to the stop: the least of `exits`.
     approach: int
-    #: From the stop until the picker goes on.
+    #: Ticks from the stop until the picker goes on.
     going_on: int
-    #: From the stop until the carrier stands in the bay.
+    #: Ticks from the stop until the carrier stands in the bay.
     to_bay: int
-    #: From there until it knows that its bin is empty.
+    #: Ticks from then until the carrier knows that its bin is empty.
     in_bay: int
-    #: From the bay to the head of its line.
+    #: Ticks from the time at which the carrier stands in the bay to the head of its line.
     to_head: int
-    #: From the bay to where it stands when the harvest is over: behind the others of its line.
+    #: The same to where it stands when the harvest is over: behind the others of its line.
     to_rest: int
 
 
@@ -95,7 +101,7 @@ class TimedStep(NamedTuple):
     ends: float
     #: m/s, of a drive; else 0.
     speed: float
-    #: s of it, beside motion: for bins that are handled, and for answers.
+    #: The part of the step beside motion, s: for bins that are handled, and for answers.
     handling: float
 
     def at(self, gate: Gate) -> float | None:
@@ -108,7 +114,9 @@ class TimedStep(NamedTuple):
             here = self.pose.x
             target = self.step.x
         assert target is not None
-        direction = 1.0 if target >= here else -1.0
+        direction = 1.0
+        if target < here:
+            direction = -1.0
         ahead = (gate.at - here) * direction
         if -ROUNDING < ahead < abs(target - here) + ROUNDING:
             return self.begins + ahead / self.speed
@@ -143,8 +151,9 @@ class TimedStep(NamedTuple):
 
 
 def handover_seconds(layout: Layout) -> float:
-    """Return the time from a carrier's stop until its picker has the bin and the place, and goes
-    on, s.
+    """Return the least time of a handover, s: from a carrier's stop until its picker goes on.
+
+    The picker then has the bin and the place. It hears of the bin ASK ticks after it stands.
     """
     carrier = layout.machines["carrier"]
     picker = layout.machines["picker"]
@@ -153,9 +162,10 @@ def handover_seconds(layout: Layout) -> float:
 
 
 def least_headway(carrier: Machine) -> float:
-    """Return how far a carrier is behind one with a bin, at least, from centre to centre, m.
+    """Return how far a carrier is behind another one with a bin, at least, m between centres.
 
-    It stops for what is nearer to its front than `STOP_DISTANCE`, and may have begun a step then.
+    It stops for what is nearer to its front than `STOP_DISTANCE`, and may have driven on for a tick
+    by then.
     """
     kind = KINDS["carrier"]
     tail = kind.tows + KINDS["bin"].length / 2
@@ -164,16 +174,20 @@ def least_headway(carrier: Machine) -> float:
 
 @dataclass(frozen=True)
 class _Filling:
-    """What a picker does with one bin, from the empty one that it gets until it wants the next."""
+    """What a picker does with one bin: from when it goes on with it empty, until it wants the next.
+
+    Times count from the start of the harvest, without any wait for carriers.
+    """
 
     picker: str
+    #: The row at whose end the bin is full, and is exchanged for an empty one.
     row: int
-    #: That of the row's end at which the bins are exchanged.
+    #: Of that end.
     side: Side
-    #: When it went on with the empty bin, or started, s.
+    #: When the picker went on with the empty bin, or started, s.
     went_on: float
     steps: Sequence[TimedStep]
-    #: Whether it goes on only once the carrier has left the lane's place.
+    #: Whether the picker goes on only once the carrier has left the lane's place.
     waits_for_place: bool
 
 
@@ -193,32 +207,36 @@ def jobs_of(layout: Layout) -> list[TimedJob]:
 def _fillings(route: OneWay, picker: str, block: Block) -> Iterator[_Filling]:
     """Yield what a picker does with each of its bins, on free roads."""
     layout = route.layout
-    start = next(start.pose for start in layout.starts if start.name == picker)
+    start = layout.starts[layout.index[picker]].pose
     plan = list(timed_steps(route.harvest(block), start, layout.machines["picker"]))
-    passes = (current for current in layout.passes(block) if current.leaves_bin)
+    passes_with_bin = [current for current in layout.passes(block) if current.leaves_bin]
+    # Each of these passes ends with a `FetchEmpty`.
+    fetches = [number for number, timed in enumerate(plan) if isinstance(timed.step, FetchEmpty)]
     first = 0
     went_on = 0.0
-    for number, timed in enumerate(plan):
-        if isinstance(timed.step, FetchEmpty):
-            current = next(passes)
-            # `Alone` comes right after its bin and a `Say`: see `OneWay.go_to_next_row`.
-            begins = plan[number : number + 3]
-            yield _Filling(
-                picker=picker,
-                row=current.row,
-                side=route.sides[current.end],
-                went_on=went_on,
-                steps=plan[first:number],
-                waits_for_place=any(isinstance(after.step, Alone) for after in begins),
-            )
-            first = number + 1
-            went_on = timed.ends
+    for filled, fetch in enumerate(fetches):
+        current = passes_with_bin[filled]
+        # `Alone` follows within two steps, after a `Say`: see `PickerWays.go_to_next_row`.
+        following = plan[fetch + 1 : fetch + 3]
+        yield _Filling(
+            picker=picker,
+            row=current.row,
+            side=route.sides[current.end],
+            went_on=went_on,
+            steps=plan[first:fetch],
+            waits_for_place=any(isinstance(after.step, Alone) for after in following),
+        )
+        first = fetch + 1
+        went_on = plan[fetch].ends
 
 
 def _job(route: OneWay, filling: _Filling) -> TimedJob:
     """Return the job that takes the full bin away, and brings the picker an empty one.
 
     Raises ValueError for a route on which robots do not take turns at the lane.
+
+    A carrier's trip begins at the head of its line; all times of a trip count from then. Times of a
+    picker count from the start of the harvest.
     """
     layout = route.layout
     carrier = layout.machines["carrier"]
@@ -236,15 +254,18 @@ def _job(route: OneWay, filling: _Filling) -> TimedJob:
             f"robots need no place {place} on your route, or do not give it back: so it is not"
             " known when they are there"
         )
-    # When a carrier that waits before the lane's place can be at its stop.
+    # When a carrier that waits before the lane's place can be at its stop: the picker has given the
+    # place back, and the carrier drives from the gate to the stop.
     ready = of_picker.at + of_picker.ticks * TIME_STEP + stop - of_carrier.at
     beyond = layout.beyond(row, side.name) / layout.machines["picker"].speed
     going_on = handover_seconds(layout)
     if filling.waits_for_place:
-        # The place is another robot's ASK later, when that one has heard of it.
+        # s from the stop until the carrier gives the place back. The last ASK ticks of a use are
+        # those in which another robot hears of that; the picker shares the place already.
         leaves_place = of_carrier.at + (of_carrier.ticks - ASK) * TIME_STEP - stop
         going_on = max(going_on, leaves_place)
-    # The ways from all lines of the queue join before the first lane.
+    # The ways from all lines of the queue join before the first lane. On the route `one-way` that
+    # is the first lane of the east side for both sides.
     first_lane = (side.place("D", 1), route.east.place("D", 1))
     joins = min(use.at for use in way if use.place in first_lane)
     exits = [_exit(trip, until=joins - stop) for trip in trips]
@@ -268,13 +289,15 @@ def _job(route: OneWay, filling: _Filling) -> TimedJob:
 
 
 def _trips(route: OneWay, row: int, side: Side) -> list[list[TimedStep]]:
-    """Return a carrier's steps from the head of each line of the queue to an end of a row, to the
-    bay and back, on free roads.
+    """Return a carrier's trips, one from the head of each line of the queue: to an end of a row, to
+    the bay and back, on free roads.
     """
     carrier = route.layout.machines["carrier"]
     trips = []
+    # The number of the place, from 0, at the head of each line.
     for head in range(0, route.layout.queue_places, route.queue.places):
-        steps = route.fetch(head + 1, row, side, "", "")
+        # The names of picker and bin do not matter for times.
+        steps = route.fetch(head + 1, row, side, picker="", full_bin="")
         trips.append(list(timed_steps(steps, route.queue.place(head), carrier)))
     return trips
 
@@ -288,9 +311,9 @@ def _use_of(place: str, uses: Iterable[Use]) -> Use | None:
 
 
 def _filled_at(steps: Sequence[TimedStep]) -> float:
-    """Return when a picker begins its last drive before it leaves its full bin, s.
+    """Return when a picker's bin is full and at the row's end, s.
 
-    It is at the row's end then.
+    That is when the picker begins its last drive before it leaves the bin in the lane's mouth.
     """
     filled = 0.0
     for timed in steps:
@@ -302,8 +325,10 @@ def _filled_at(steps: Sequence[TimedStep]) -> float:
 
 
 def _exit(trip: Sequence[TimedStep], until: float) -> tuple[int, list[Use]]:
-    """Return the ticks that a carrier drives from its line's head to its stop, and what it uses on
-    that way until a time, s from its stop on.
+    """Return the ticks that a carrier drives from its line's head to its stop, and the places that
+    it uses on that way before a time.
+
+    `until`: s from the stop; negative before it.
     """
     stop = begin_of(Deliver, trip)
     uses = []
@@ -315,11 +340,10 @@ def _exit(trip: Sequence[TimedStep], until: float) -> tuple[int, list[Use]]:
 
 
 def _seconds_to_rest(route: OneWay, trip: Sequence[TimedStep]) -> float:
-    """Return how long a carrier drives from the bay until it stands behind the others of its line,
-    s.
+    """Return the least time from the bay until a carrier stands in its line for good, s.
 
-    It may be the last one to come to a line that is full. It comes back from the load-out in any
-    case.
+    The carrier may be the last one to come to a line that is else full, and then it need not drive
+    to the head. But it is away at the load-out in any case.
     """
     carrier = route.layout.machines["carrier"]
     in_line = min(route.queue.places, route.layout.scenario.carrier_count)
@@ -330,7 +354,7 @@ def _seconds_to_rest(route: OneWay, trip: Sequence[TimedStep]) -> float:
 
 
 def _back(trip: Sequence[TimedStep], carrier: Machine) -> float:
-    """Return when a carrier is back from the load-out, s; when it unloads, if it does not go."""
+    """Return when a carrier is back from the load-out, s; without one, when it unloads."""
     for timed in trip:
         if isinstance(timed.step, Haul):
             return timed.begins + carrier.haul_ticks * TIME_STEP
@@ -340,8 +364,9 @@ def _back(trip: Sequence[TimedStep], carrier: Machine) -> float:
 def timed_steps(steps: Sequence[Step], start: Pose, machine: Machine) -> Iterator[TimedStep]:
     """Yield the steps of a machine's plan on free roads, with their times.
 
-    A step's answers and bins take its `ticks`.
+    Beside its motion each step takes its `ticks`, for bins that are handled and for answers.
     """
+    # s by which the steps before have taken longer than their motion.
     late = 0.0
     for step, pose, begins, ends in timetable(list(steps), start, machine):
         handling = step.ticks(machine) * TIME_STEP
@@ -360,25 +385,29 @@ def timed_steps(steps: Sequence[Step], start: Pose, machine: Machine) -> Iterato
 
 
 def begin_of(kind: type[Step], plan: Sequence[TimedStep]) -> float:
-    """Return when the first step of a kind begins, s."""
-    return next(moment.begins for moment in plan if isinstance(moment.step, kind))
+    """Return when the first step of a kind begins, s. There must be one in the plan."""
+    return next(timed.begins for timed in plan if isinstance(timed.step, kind))
 
 
 def _uses(plan: Sequence[TimedStep]) -> list[Use]:
-    """Return the places that a robot has on its way, in the order in which it comes to them."""
+    """Return the places that a robot has on its way, in the order in which it comes to them.
+
+    Places that it does not give back are left out: it is not known when others can have them.
+    """
     uses: list[Use] = []
-    # Place -> the number of its use, which has not ended.
+    # Place -> the number in `uses` of its use, until the place is given back.
     open_uses: dict[str, int] = {}
-    for moment in plan:
-        for place, at in moment.needs:
+    for timed in plan:
+        for place, at in timed.needs:
             if place not in open_uses:
                 open_uses[place] = len(uses)
-                uses.append(Use(place, at, 0))
-        for place, at in moment.frees:
+                uses.append(Use(place, at, NOT_GIVEN_BACK))
+        for place, at in timed.frees:
             if place in open_uses:
                 number = open_uses.pop(place)
                 uses[number] = uses[number]._replace(ticks=ticks(at - uses[number].at) + ASK)
-    return sorted((use for use in uses if use.ticks), key=lambda use: use.at)
+    given_back = [use for use in uses if use.ticks != NOT_GIVEN_BACK]
+    return sorted(given_back, key=lambda use: use.at)
 
 
 def ticks(seconds: float) -> int:

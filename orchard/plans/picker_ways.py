@@ -13,8 +13,9 @@ from orchard.field.passes import Pass
 from orchard.field.picking import absences_of
 from orchard.field.rows import Block
 from orchard.plans import steps as st
+from orchard.plans.course import SURE
 from orchard.plans.road_places import RoadPlaces
-from orchard.plans.robot import SURE, Gate, Step
+from orchard.plans.robot import Gate, Step
 from orchard.plans.sense import STOP_DISTANCE
 from orchard.plans.sides import Side
 

@@ -1,12 +1,13 @@
 """What an agent finds in its scan and in answers of bystanders: whether a way or a turn is free.
 
+A scan is an array of ranges, (beams,), m. A return is a point at which a beam of the laser ends.
 Points are in the agent's own frame: metres ahead of its centre, metres to its left. Zones are in
-that of its laser, which is `Laser.ahead` further ahead.
+the frame of its laser, which is `Laser.ahead` further ahead (orchard/contract/zone.py).
 
-A laser looks forward, but a turn also sweeps the space beside and behind. So a robot that turns
-asks people and animals that could be near for their positions, and stands while one of them is, or
-may be, within the circle that the turn sweeps. It asks a distant one again only after the time that
-this one needs to come near.
+A bystander is a person or an animal. A laser looks forward, but a turn also sweeps the space beside
+and behind. So a robot that turns asks bystanders that could be near for their positions, and stands
+while one of them is, or may be, within the circle that the turn sweeps. It asks a distant bystander
+again only after the time that this bystander needs to come near.
 """
 
 import math
@@ -24,24 +25,28 @@ from orchard.field.kinds import ANIMALS, AROUND, KINDS, PEOPLE, Kind, Laser, kin
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
 
-# m from the front edge: a robot stops for what is nearer (docs/reference.md, "The behaviours").
+# A robot stops for what is nearer to its front edge than this, m (docs/reference.md, "The
+# behaviours").
 STOP_DISTANCE = 0.8
 # m by which the corridor ahead is wider than the robot, on either side.
 SIDE_MARGIN = 0.2
-# m, in place of SIDE_MARGIN, of a robot that is not sure of its place. Waiting pickers stand 0.25 m
-# from its side, and it may be nearer to them than it takes itself to be.
+# m, in place of SIDE_MARGIN, for a robot that is not sure of its position. Waiting pickers stand
+# 0.25 m from its side, and it may be nearer to them than it takes itself to be.
 UNSURE_MARGIN = 0.03
-# m from what robot and bin sweep in a turn, within which nothing may return to their lasers. For
-# people and animals, whom lasers may not see, it is BYSTANDER_MARGIN.
+# Nothing may return to the lasers of robot and bin from what is nearer than this to what they sweep
+# in a turn, m. For bystanders, which lasers may not see, it is BYSTANDER_MARGIN.
 TURN_MARGIN = 0.05
-# m: a robot drives back only if it sees nothing so near behind it.
+# A robot drives back only if it sees nothing so near behind it, m.
 BACK = 0.2
-# m: returns this near to a box count as returns from it.
+# Returns so near to a box count as returns from it, m.
 ON_BOX = 0.1
 # rad, at most, between the poses at which a turn is checked.
 _SWEEP_STEP = repeatable.PI / 48
 _BIN_HALF = KINDS["bin"].length / 2
 _CENTRE = Pose(0.0, 0.0, 0.0)
+# m. Lasers are not at the robot's centre. So returns are first chosen by ranges that are so much
+# longer than what counts.
+_LASER_OFFSET = 1.0
 
 
 class Box(NamedTuple):
@@ -50,8 +55,10 @@ class Box(NamedTuple):
     A robot that is blind to it ignores its returns.
     """
 
+    # The centre.
     x: float
     y: float
+    # Half the sides.
     half_x: float
     half_y: float
 
@@ -75,10 +82,7 @@ def stop_zone(seen: Observation) -> Zone:
 
 
 def something_ahead(seen: Observation, blind_to: list[Box]) -> bool:
-    """Whether anything but the boxes `blind_to` returns from the corridor ahead.
-
-    The corridor ends at the stopping distance.
-    """
+    """Whether anything but the boxes `blind_to` returns from the corridor of `stop_zone`."""
     laser = KINDS[kind_of(seen.name)].laser
     is_inside = in_zone(seen.scan, laser, stop_zone(seen))
     if not np.count_nonzero(is_inside):
@@ -95,7 +99,9 @@ def turn_is_free(seen: Observation, turn: float, blind_to: list[Box]) -> bool:
     `turn`: what remains of it, rad; left is positive.
     """
     points, parts = _around(seen, blind_to)
-    return not len(points) or not _swept(points, parts, turn)
+    if not len(points):
+        return True
+    return not _swept(points, parts, turn)
 
 
 def back_is_free(seen: Observation) -> bool:
@@ -108,8 +114,10 @@ def back_is_free(seen: Observation) -> bool:
     left = points[:, 1]
     for part in parts:
         gaps_now = _gaps(ahead, left, part)
-        gaps_then = _gaps(ahead + BACK, left, part)
-        if (gaps_then < np.minimum(TURN_MARGIN, gaps_now)).any():
+        # To a robot that has driven back all points lie further ahead.
+        gaps_after_drive = _gaps(ahead + BACK, left, part)
+        # A point that is within the margin already counts only if it comes nearer still.
+        if (gaps_after_drive < np.minimum(TURN_MARGIN, gaps_now)).any():
             return False
     return True
 
@@ -130,10 +138,10 @@ def _around(seen: Observation, blind_to: list[Box]) -> tuple[np.ndarray, list[_P
     tows_bin = seen.hitch is not None and kind.tows > 0.0
     if tows_bin:
         parts.append(_Part(_pose_of_bin(seen, kind), _BIN_HALF, _BIN_HALF))
-    # Most returns are sorted out by their ranges, before their points are computed. Lasers are not
-    # at the robot's centre, so those up to a metre beyond its rear end stay: the reach decides.
-    back = max(-part.pose.x + part.half_length for part in parts)
-    points = _not_on(_points_around(seen, kind, back + 1.0), seen.pose, blind_to)
+    # For speed most returns are left out by their ranges, before their points are computed. Of the
+    # others the reach decides.
+    rear_end = max(-part.pose.x + part.half_length for part in parts)
+    points = _not_on(_points_around(seen, kind, rear_end + _LASER_OFFSET), seen.pose, blind_to)
     reach = _reach(kind, tows_bin)
     is_near = points[:, 0] ** 2 + points[:, 1] ** 2 < reach * reach
     return points[is_near], parts
@@ -142,7 +150,8 @@ def _around(seen: Observation, blind_to: list[Box]) -> tuple[np.ndarray, list[_P
 def _pose_of_bin(seen: Observation, kind: Kind) -> Pose:
     """Return where the towed bin is, in the robot's frame.
 
-    A bin that something holds stays behind, askew, while the robot goes on.
+    It is where a coupled bin should be, unless it is further away from there than ON_BOX: a bin
+    that something holds stays behind, askew, while the robot goes on.
     """
     coupled = Pose(-kind.tows, 0.0, 0.0)
     hitch = cast(Hitch, seen.hitch)
@@ -153,7 +162,11 @@ def _pose_of_bin(seen: Observation, kind: Kind) -> Pose:
 
 
 def _gaps(ahead: np.ndarray, left: np.ndarray, part: _Part) -> np.ndarray:
-    """Return how far points are from a box, along its sides, m."""
+    """Return how far points are from a box, m: the greater of the distances along both sides.
+
+    `ahead`, `left`: of the points in the robot's frame, of any shape, which the result has too. It
+    is negative inside the box.
+    """
     along = ahead - part.pose.x
     across = left - part.pose.y
     if part.pose.yaw:
@@ -165,8 +178,8 @@ def _gaps(ahead: np.ndarray, left: np.ndarray, part: _Part) -> np.ndarray:
 def turn_zone(kind: str) -> Zone:
     """Return a zone around all that a robot without a bin sweeps in a turn.
 
-    While it is free, so is any turn: see `turn_is_free`. It is a square around the robot's centre,
-    which lies behind the laser, in whose frame zones are.
+    While the zone is free, so is any turn: see `turn_is_free`. It is a square around the robot's
+    centre. Zones are in the frame of the laser, which is ahead of the centre.
     """
     half = _reach(KINDS[kind], towing=False) + TURN_MARGIN
     ahead = KINDS[kind].laser.ahead
@@ -174,9 +187,9 @@ def turn_zone(kind: str) -> Zone:
 
 
 def _reach(kind: Kind, towing: bool) -> float:
-    """Return how far from the centre a turn may sweep, m.
+    """Return how far from the robot's centre a point may matter to a turn, m.
 
-    A margin on both sides moves a corner by less than two margins.
+    The margin widens the boxes on both sides, which moves a corner by less than two margins.
     """
     return sweep_radius(kind, towing) + 2 * TURN_MARGIN
 
@@ -184,27 +197,31 @@ def _reach(kind: Kind, towing: bool) -> float:
 def _swept(points: np.ndarray, parts: list[_Part], turn: float) -> bool:
     """Whether a part comes nearer to any point than the margin while the robot turns.
 
-    `turn`: by how much, rad; left is positive. A point that is within the margin from the beginning
-    counts only if it comes nearer still: a robot that touches something may turn away.
+    `points`: (m, 2). `turn`: by how much, rad; left is positive. A point that is within the margin
+    from the beginning counts only if it comes nearer still: a robot that touches something may turn
+    away.
     """
     steps = int(abs(turn) / _SWEEP_STEP) + 1
+    # (steps + 1, 2): sine and cosine of the turn at each pose, from the present one on.
     turned = np.array([repeatable.sin_cos(turn * i / steps) for i in range(steps + 1)])
-    # A row for each pose from the present one on, a column for each point.
     sines = turned[:, :1]
     cosines = turned[:, 1:]
+    # (steps + 1, m): the points in the robot's frame at each pose.
     ahead = cosines * points[:, 0] + sines * points[:, 1]
     left = cosines * points[:, 1] - sines * points[:, 0]
     for part in parts:
         gaps = _gaps(ahead, left, part)
-        if (gaps < np.minimum(TURN_MARGIN, gaps[0])).any():
+        gaps_now = gaps[0]
+        if (gaps < np.minimum(TURN_MARGIN, gaps_now)).any():
             return True
     return False
 
 
 def _points_around(seen: Observation, kind: Kind, radius: float) -> np.ndarray:
-    """Return where the lasers of robot and bin return within a radius, (m, 2).
+    """Return the points at which the lasers of robot and bin return within a range, (m, 2).
 
-    The robot itself does not count.
+    `radius`: of that range, m. Points on the robot itself, which the bin's laser sees, are left
+    out.
     """
     own = _returns(seen.scan, kind.laser, seen.scan < radius)
     if seen.hitch is None or seen.hitch.scan is None:
@@ -231,7 +248,10 @@ def _returns(scan: np.ndarray, laser: Laser, chosen: np.ndarray) -> np.ndarray:
 
 
 def _not_on(points: np.ndarray, pose: Pose, boxes: list[Box]) -> np.ndarray:
-    """Return the points that lie on none of these boxes, (m, 2). `pose`: of the robot."""
+    """Return the points that lie on none of these boxes, (m, 2).
+
+    `pose`: of the robot, in the frame `map`, as the boxes are.
+    """
     if not boxes:
         return points
     x, y = from_frame(pose, *points.T)
@@ -256,7 +276,8 @@ def is_path_free(seen: Observation, reach: float) -> bool:
 def free_directions(seen: Observation, reach: float, count: int = 13) -> list[float]:
     """Return the free ones of `count` directions from right to left, rad from straight ahead.
 
-    `reach`: how far they must be free, m.
+    They cover the half circle that a laser at the front sees. `reach`: how far they must be free,
+    m.
     """
     kind = KINDS[kind_of(seen.name)]
     half_width = kind.width / 2 + SIDE_MARGIN
@@ -275,11 +296,11 @@ def _in_path(points: np.ndarray, angle: float, half_width: float, reach: float) 
     return bool(((ahead > 0.0) & (ahead < reach) & (np.abs(left) < half_width)).any())
 
 
-# Ticks for which a bystander that did not answer is left to the lasers.
+# Ticks for which a bystander that did not answer is not asked again: lasers alone look for it.
 SILENT_TICKS = 50
-# m from the circle that a turn sweeps within which no bystander may be.
+# No bystander may be nearer than this to the circle that a turn sweeps, m.
 BYSTANDER_MARGIN = 0.1
-# s before a bystander may have come near, it is asked: an answer takes two ticks.
+# A bystander is asked so long before it may have come near, s: an answer takes two ticks.
 ASK_AHEAD = 0.3
 
 
@@ -345,14 +366,14 @@ def time_to_reach(
 
 
 class TurnHazards(NamedTuple):
-    """The bystanders that a circle has to be kept free for."""
+    """The bystanders that are, or may be, within the circle of a turn."""
 
-    # Those that are or may be within it now.
+    # Names of those that are or may be within it now.
     near: list[str]
-    # Those, and those that soon may be.
+    # Names of those, and of those that soon may be within it.
     to_ask: list[str]
-    # Ticks for which both lists stay empty, at least; 0 if they are not, or if a bystander has not
-    # answered.
+    # Ticks for which both lists stay empty, at least; 0 if they are not empty now, or if a
+    # bystander has not answered.
     ticks: int
 
 
@@ -362,7 +383,10 @@ def turn_hazards(
     tick: int,
     circle: Circle,
 ) -> TurnHazards:
-    """Return what is known of the bystanders around a circle."""
+    """Return which bystanders are or may be within a circle, by what they reported.
+
+    `sighted`: name -> its last report.
+    """
     near = []
     to_ask = []
     times = []
@@ -374,7 +398,7 @@ def turn_hazards(
         if seconds < ASK_AHEAD:
             to_ask.append(bystander.name)
         if math.isinf(seconds):
-            # Nothing is known of its place, so no list is known to stay empty.
+            # Nothing is known of its position, so it is not known that the lists stay empty.
             seconds = 0.0
         times.append(seconds)
     soonest = min(times, default=MOST_HOLD * TIME_STEP)

@@ -2,16 +2,17 @@
 
 Theory of operation. A step is data with one method, `act`, which is called at each tick until it
 returns True: the step is done then, and the next one of the plan follows in the same tick. `act`
-sets the velocity of this tick, asks, or waits. It may also put further steps before or after
+sets the velocity of this tick, asks, or waits. It may also put further steps into the plan, after
 itself. A step itself remembers nothing, and its target is absolute, so a robot still ends at the
 right place after it was held up, or after its agent was started again.
 
-The steps that drive stand in driving.py, those that handle bins in handling.py, and those of
-carriers alone in carrying.py. This module has all others, and knows all: it says which steps the
-plan in a memory may hold.
+The class `Step` stands in robot.py. The steps that drive stand in driving.py, those that handle
+bins in handling.py, and those of carriers alone in carrying.py. This module has all others, and
+lists all: it says which steps the plan in a memory may hold.
 
-`motion` tells where a step leads without traffic, and how long that takes, for plans and bounds;
-`ticks` and `handles` how long other steps take at most, and the part of that for handling a bin.
+For plans and bounds a step tells how long it lasts without traffic: `motion` for its drive or turn,
+and where that leads; `ticks` for all else, and `handles` for the part of `ticks` in which a bin is
+coupled or uncoupled.
 """
 
 from collections.abc import Sequence
@@ -24,13 +25,8 @@ import msgspec
 from msgspec.structs import replace
 
 from orchard.contract.agent import MOST_HOLD, State
-from orchard.contract.messages import (
-    Confirm,
-    No,
-)
-from orchard.field.geometry import (
-    Pose,
-)
+from orchard.contract.messages import Confirm, No
+from orchard.field.geometry import Pose
 from orchard.field.machines import Machine
 from orchard.field.picking import failure
 from orchard.field.scenario import TIME_STEP
@@ -42,6 +38,7 @@ from orchard.plans.carrying import (
     Home,
     Unload,
 )
+from orchard.plans.course import EXACT
 from orchard.plans.driving import (
     Ahead,
     Aim,
@@ -64,11 +61,10 @@ from orchard.plans.handling import (
 )
 from orchard.plans.robot import (
     ASK,
-    EXACT,
     PlanExecutor,
-    RobotMemory,
     Step,
 )
+from orchard.plans.robot_memory import RobotMemory
 
 __all__ = [
     "Again",
@@ -110,14 +106,14 @@ __all__ = [
 
 
 class Say(Step, frozen=True):
-    """Set what the robot does from now on: `doing` for people, `state` for programs."""
+    """Set what the robot is shown to do from now on: `doing` for people, `state` for programs."""
 
     doing: str
     state: State
     keeps_course: ClassVar[bool] = True
 
     def act(self, robot: PlanExecutor) -> bool:
-        """Set it, and be done."""
+        """Set both in the memory, and be done."""
         robot.memory.doing = self.doing
         robot.memory.state = self.state
         return True
@@ -131,6 +127,7 @@ class Wait(Step, frozen=True):
     def act(self, robot: PlanExecutor) -> bool:
         """Stand. Return whether the time is over."""
         waited = (robot.seen.tick - robot.memory.since) * TIME_STEP
+        # MOST_HOLD before the conversion: `seconds` may be infinite.
         robot.hold(max(1, int(min(MOST_HOLD, (self.seconds - waited) / TIME_STEP))))
         return bool(waited >= self.seconds - EXACT)
 
@@ -140,7 +137,7 @@ class Wait(Step, frozen=True):
 
 
 class Need(Step, frozen=True):
-    """Stand until traffic has granted all these places. At most a partner shares them."""
+    """Stand until traffic has granted all these places."""
 
     places: list[str]
 
@@ -169,7 +166,10 @@ class Free(Step, frozen=True):
 
 
 class Alone(Step, frozen=True):
-    """Stand until no other robot shares a place that is reserved for the robot."""
+    """Stand until no other robot shares a place that is reserved for the robot.
+
+    In a handover picker and carrier share the place at the lane.
+    """
 
     place: str
 
@@ -180,14 +180,20 @@ class Alone(Step, frozen=True):
 
 
 class MayFail(Step, frozen=True):
-    """Decide, before a robot drives, whether it fails or leaves on the way. Then add its repair, or
-    the time for which it is away.
+    """Decide, before a robot drives, whether it fails or goes away on the way.
+
+    It must stand right before a `DriveTo` in the plan. If the robot fails or goes away, the drive
+    is cut in two, with the repair or the absence in between. orchard/plans/failures.py has the
+    rules.
     """
 
+    #: Of the scenario, by which failures are drawn.
     seed: int
-    mean_between: float  #: s of work; 0: it never fails
-    mean_repair: float  #: s
-    #: When it is away: begins and ends, s since the harvest began.
+    #: Mean time of work between failures, s; 0: the robot never fails.
+    mean_between: float
+    #: Mean time of a repair, s.
+    mean_repair: float
+    #: When the robot is away: begin and end of each absence, s since the harvest began.
     absences: tuple[tuple[float, float], ...] = ()
     # The course is that of the drive that follows.
     keeps_course: ClassVar[bool] = True
@@ -199,35 +205,38 @@ class MayFail(Step, frozen=True):
         axis = drive.axis
         here = getattr(robot.pose, axis)
         distance = getattr(drive, axis) - here
-        # s of work: for the rest of the drive, up to an absence and up to a failure.
+        # s of work: for the drive, up to an absence, and up to a failure.
         needed = abs(distance) / drive.speed_of(robot.machine)
-        present, away = self._until_away(robot, drive, here, needed)
-        sound, repair = self._until_failure(robot)
-        if min(present, sound) >= needed:
+        until_absence, absence = self._until_away(robot, drive, here, needed)
+        until_failure, repair = self._until_failure(robot)
+        if min(until_absence, until_failure) >= needed:
             memory.worked += needed
             return True
-        if present <= sound:
-            memory.worked += present
-            self._stand(robot, failures.stop_of(here, distance, present, needed), "away", away)
+        if until_absence <= until_failure:
+            memory.worked += until_absence
+            stop = failures.stop_of(here, distance, until_absence, needed)
+            self._stand(robot, stop, "away", absence)
             return True
         memory.failures += 1
         memory.worked = 0.0
-        stop = failures.stop_of(here, distance, sound, needed)
+        stop = failures.stop_of(here, distance, until_failure, needed)
         self._stand(robot, stop, "failed, is repaired", repair)
         return True
 
     def _until_away(
         self, robot: PlanExecutor, drive: "DriveTo", here: float, needed: float
     ) -> tuple[float, float]:
-        """Return the time of work up to an absence, and for how long it then is away, s.
+        """Return the time of work up to the next absence, and for how long that then lasts, s.
 
-        `here`: along the axis of the drive, m; `needed`: for the drive, s.
+        The first is infinite if no absence begins on this drive. `here`: position along the axis of
+        the drive, m; `needed`: work for the drive, s.
         """
         distance = getattr(drive, drive.axis) - here
         if not distance:
             return inf, 0.0
         speed = abs(distance) / needed
         direction = copysign(1.0, distance)
+        # s of work between which the robot has no place on a road.
         first = 0.0
         for gate in drive.frees:
             first = max(first, failures.off_the_road(direction * (gate.at - here), speed))
@@ -242,7 +251,10 @@ class MayFail(Step, frozen=True):
         return inf, 0.0
 
     def _until_failure(self, robot: PlanExecutor) -> tuple[float, float]:
-        """Return the time of work up to the next failure, and for how long it is repaired, s."""
+        """Return the time of work up to the next failure, and for how long its repair lasts, s.
+
+        The first is infinite if the robot never fails.
+        """
         if not self.mean_between:
             return inf, 0.0
         memory = robot.memory
@@ -252,7 +264,14 @@ class MayFail(Step, frozen=True):
         return failures.work_left(until, memory.worked), repair
 
     def _stand(self, robot: PlanExecutor, stop: float, doing: str, seconds: float) -> None:
-        """Put a stay of so many s at a place of the drive that follows into the plan."""
+        """Put a stay on the drive that follows into the plan.
+
+        `stop`: its position along the axis of the drive, m. `doing`: what the robot is shown to do
+        meanwhile. `seconds`: of the stay.
+
+        The plan is then: the drive up to the stop, the stay, this step again, which may cut the
+        rest of the drive too, and the drive to its end.
+        """
         memory = robot.memory
         drive = cast(DriveTo, memory.plan[1])
         axis = drive.axis
@@ -271,7 +290,10 @@ class MayFail(Step, frozen=True):
 
 
 class Repair(Step, frozen=True):
-    """Stand for `seconds`, in parts: a run in which no robot finishes a step for long is jammed."""
+    """Stand for `seconds`, in parts: a run in which no robot finishes a step for long is jammed.
+
+    So a long repair is several steps `Wait`, each of LONGEST_WAIT at most.
+    """
 
     seconds: float
 
@@ -287,14 +309,15 @@ class Repair(Step, frozen=True):
 
 
 class Confirmed(Step, frozen=True):
-    """For carriers, before they leave: go on only if the bin still wants the carrier.
+    """For carriers, before they leave the queue: go on only if the bin still wants the carrier.
 
-    Else do the steps `otherwise`.
+    Else do the steps `otherwise` in place of the rest of the plan.
     """
 
+    #: The full bin of the job.
     bin: str
     otherwise: list["AnyStep"]
-    # The carrier asks wherever in the queue it is.
+    # The carrier asks wherever in the queue it is, so it need not come back to its course first.
     keeps_course: ClassVar[bool] = True
 
     def act(self, robot: PlanExecutor) -> bool:
@@ -311,9 +334,12 @@ class Confirmed(Step, frozen=True):
 
 
 class MayCharge(Step, frozen=True):
-    """For carriers, once they have unloaded: do the steps `otherwise` if they must charge."""
+    """For carriers, once they have unloaded: do the steps `otherwise` if they must charge.
 
-    #: The charge at which they must, 0 to 1.
+    These are done in place of the rest of the plan.
+    """
+
+    #: The charge at which and below which they must, 0 to 1.
     reserve: float
     otherwise: list["AnyStep"]
 
@@ -335,10 +361,11 @@ class Again(Step, frozen=True):
         return True
 
 
+# For mypy a plan holds steps of any class. For msgspec, which decodes memories, it holds only the
+# steps of this union, and those that `with_steps` adds.
 if TYPE_CHECKING:
     AnyStep = Step
 else:
-    # msgspec decodes the steps of a memory: these, and those that `with_steps` adds.
     AnyStep = (
         Say | DriveTo | DriveToBay | Face | Realign | Ahead | MoveTo | Wait | Need | Free | Alone
         | Deliver | TakeBin | LeaveBin | FetchEmpty | Announce | BeginPickingAt | Fill | Aim | Shift
@@ -360,16 +387,17 @@ P = TypeVar("P", bound=Plan)
 
 
 def of_known_steps(steps: list[Step], own: Sequence[type[Step]]) -> list[Step]:
-    """Return these steps. Raises TypeError for one that a memory could not hold.
+    """Return these steps. Raises TypeError for a step that a memory could not hold.
 
-    The class of such a step is neither built-in nor in `own`; or it is a step of `own` within
-    `Again` or `Confirmed`, which hold built-in steps only.
+    Its class must be built-in or in `own`, the classes of the user's own steps. Steps that hold
+    other steps, as `Again` and `Confirmed`, hold built-in steps only.
     """
     for step in steps:
         if type(step) not in own and type(step) not in _BUILT_IN:
             fault = "is not in `Steps`, or is within a step that holds built-in steps only"
             raise TypeError(f"{type(step).__name__} {fault}")
-        of_known_steps([*getattr(step, "steps", ()), *getattr(step, "otherwise", ())], ())
+        held_steps = [*getattr(step, "steps", ()), *getattr(step, "otherwise", ())]
+        of_known_steps(held_steps, own=())
     return steps
 
 
@@ -385,7 +413,7 @@ def with_steps(memory: type[P], steps: Sequence[type[Step]]) -> type[P]:
 
 @cache
 def _with_steps(memory: type[Plan], steps: tuple[type[Step], ...]) -> Any:
-    """Return as `with_steps`: the same class for the same arguments."""
+    """Return what `with_steps` does, the same class for the same arguments (it is `cache`d)."""
     kinds: Any = reduce(or_, steps, AnyStep)
     plan: Any = ("plan", list[kinds], msgspec.field(default_factory=list))
     return msgspec.defstruct(memory.__name__, [plan], bases=(memory,))

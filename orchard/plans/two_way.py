@@ -10,7 +10,8 @@ from typing import ClassVar
 
 from orchard.field.kinds import KINDS
 from orchard.field.queue import TOP_ROAD, TWO_WAY
-from orchard.plans.robot import LITTLE, Gate, Step
+from orchard.plans.course import LITTLE
+from orchard.plans.robot import Gate, Step
 from orchard.plans.route import ROAD_WIDTH, OneWay, Road, Side
 from orchard.plans.steps import DriveTo, Face, Free, Need
 

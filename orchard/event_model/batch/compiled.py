@@ -7,11 +7,21 @@ from pathlib import Path
 from orchard.event_model import bystanders, codes, columns, results
 from orchard.event_model.kernel import drives
 from orchard.field import picking
-from orchard.plans import robot, sense
+from orchard.plans import robot, robot_memory, sense
 from orchard.sim.kernels.jit import jit
 
 # Modules of which constants and functions are part of the code.
-CONSTANTS_OF = (bystanders, codes, columns, drives, picking, results, robot, sense)
+CONSTANTS_OF = (
+    bystanders,
+    codes,
+    columns,
+    drives,
+    picking,
+    results,
+    robot,
+    robot_memory,
+    sense,
+)
 
 
 def _sources() -> str:

@@ -1,6 +1,7 @@
 """Deeds, which bodies request besides moving: couple, uncouple, flatten a weed, pick from an x on.
 
-Physics decides whether they happen.
+An agent puts them into its action. `orchard.sim.physics` calls `do_deeds`, which does or refuses
+them.
 """
 
 import numpy as np
@@ -13,6 +14,8 @@ from orchard.field.problems import printable
 from orchard.sim.kernels.boxes import gap, place
 from orchard.sim.world import NONE, World
 
+# The rules of deeds, as docs/reference.md has them. The coupling point of a robot lies `tows` m
+# behind its centre: there the bar ends.
 COUPLING_REACH = 0.1  # m, between the bin's centre and the coupling point
 COUPLING_ANGLE = 5.0 * repeatable.PI / 180.0  # rad, between the sides of robot and bin
 WEED_REACH = 1.0  # m, edge to edge
@@ -26,7 +29,8 @@ def do_deeds(world: World, wanted: np.ndarray, deeds: list[tuple[int, Deed]]) ->
     """Do the deeds of bodies that are not stopped. Return an event for each, also a refused one.
 
     deeds: (body index, deed), in body order. wanted (n, 3): the wanted twists for this step. A
-    stopped picker may still say from where it picks later: that moves nothing, and it says so once.
+    stopped picker may still say from where it picks later: that moves nothing, and its agent says
+    so only once.
     """
     events = []
     for i, deed in deeds:
@@ -60,7 +64,7 @@ def _do_one(world: World, wanted: np.ndarray, i: int, deed: Deed) -> Event:
 
 
 def _couple(world: World, wanted: np.ndarray, robot: int, bin_name: str) -> str:
-    """Couple a bin to a robot, and return its name. Raises DeedRefused."""
+    """Couple a bin to a robot, and return the bin's name. Raises DeedRefused."""
     bin_ = world.index.get(bin_name, NONE)
     _refuse_if(world.fixed.tows[robot] == 0.0, "it tows nothing")
     _refuse_if(bin_ == NONE or world.layout.starts[bin_].kind != "bin", "no such bin")
@@ -78,10 +82,10 @@ def _refuse_unless_in_place(world: World, robot: int, bin_: int) -> None:
     """Raise DeedRefused unless a bin stands at a robot's coupling point, square to the robot."""
     pose = Pose(*world.pose[robot].tolist())
     bin_pose = Pose(*world.pose[bin_].tolist())
-    # The bin's centre, from the coupling point.
+    # The bin's centre, first from the robot's centre, and then from the coupling point.
     ahead, left = to_frame(pose, bin_pose.x, bin_pose.y)
-    ahead += float(world.fixed.tows[robot])
-    is_away = ahead * ahead + left * left > COUPLING_REACH * COUPLING_REACH
+    off_ahead = ahead + float(world.fixed.tows[robot])
+    is_away = off_ahead * off_ahead + left * left > COUPLING_REACH * COUPLING_REACH
     _refuse_if(is_away, "the bin is not at the coupling point")
     # A bin is square, so its yaw counts modulo a quarter turn.
     askew = angle_between(pose.yaw, bin_pose.yaw)
@@ -105,7 +109,8 @@ def _flatten(world: World, weed: int) -> str:
     _refuse_if(not world.alive[weed], "it is flat")
     boxes = world.fixed.shapes.copy()
     place(world.pose, boxes)
-    # A rehearsal, in which nothing moves, compiles `gap` because it is asked for each body.
+    # It is computed also for bodies that do not move, so that `Engine.rehearse`, in which nothing
+    # moves, compiles `gap`.
     gaps = np.array([gap(boxes[weed], box) for box in boxes])
     is_moving = world.twist.any(axis=1)
     moving_near = np.flatnonzero(is_moving & (gaps <= WEED_REACH)).tolist()

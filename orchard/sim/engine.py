@@ -1,6 +1,8 @@
 """The step that all modes share: observe, apply the actions, account.
 
-The modes differ only in the source of the actions.
+The modes differ only in the source of the actions: `orchard.local` asks the agents itself, and the
+physics process (`orchard.server`) gets the actions by messages. To account for a step is to add it
+to the run's hash, to the invariants and to the times of the robots in their states.
 """
 
 import hashlib
@@ -18,7 +20,8 @@ from orchard.field.scenario import Scenario
 from orchard.sim import batteries, stops
 from orchard.sim.invariants import Invariants
 from orchard.sim.lookahead import Lookahead
-from orchard.sim.physics import harvest_is_over, step
+from orchard.sim.physics import harvest_is_over
+from orchard.sim.physics import step as step_world
 from orchard.sim.restore import fitting, world_from
 from orchard.sim.scan import Scanner, observe
 from orchard.sim.sensors import Sensors
@@ -66,9 +69,9 @@ class Engine:
         """Simulate a world from its tick on.
 
         `digest`, `before`: of a resumed run, its hash so far and what `figures_as_data` returned.
-        `holds`: which agents are asked at a tick. `is_hashed`: False for a run of a study, of which
-        only the figures are wanted. Raises ValueError or KeyError if `before` does not fit the
-        world.
+        `holds`: the class that decides which agents are asked at a tick; see
+        orchard/sim/lookahead.py. `is_hashed`: False for a run of a study, of which only the figures
+        are wanted. Raises ValueError or KeyError if `before` does not fit the world.
         """
         self.world = world
         self.layout = world.layout
@@ -80,7 +83,7 @@ class Engine:
         #: The newest action of each agent that drives or holds. Of a resumed run: what it reported
         #: of itself.
         self.actions = self._reported(before.get("said", {}))
-        # Those of the agents that were asked at the last tick; None: the agent gave no action.
+        # The actions of the agents that were asked at the last tick; None: the agent gave none.
         self.answers: dict[str, Action | None] = {}
         self.lookahead = holds(world, self._scanner.begin, before.get("asked"))
         self._invariants = Invariants(world, before.get("invariants"))
@@ -114,6 +117,7 @@ class Engine:
         rehearsal = Engine(World(self.layout))
         rehearsal.observe()
         rehearsal.due(())
+        # With a hold and a deed, the kernels of holds and of deeds are called too.
         actions = {self.layout.names[0]: Action(hold=Hold(1))}
         weeds = self.layout.names_of("weed")
         if weeds:
@@ -206,7 +210,8 @@ class Engine:
         return observe(self.world, self.scans)
 
     def odometry(self) -> Observations:
-        """Return the same with the poses of odometry alone, in each robot's frame `odom`.
+        """Return what `truth` does, but with the poses of odometry alone, in each robot's frame
+        `odom`.
 
         They add up the robot's measured motion from its start on.
         """
@@ -250,10 +255,11 @@ class Engine:
         self.answers = self.lookahead.apply(self.world, self.scans.ranges, actions)
         newest = self.actions | self.answers
         self.actions = {name: action for name, action in newest.items() if action is not None}
-        events = self._news + step(self.world, self.lookahead.wanted, self._deeds(actions))
+        events = self._news + step_world(self.world, self.lookahead.wanted, self._deeds(actions))
         self._news = []
         self.sensors.advance()
         self.lookahead.wake(event.who for event in events if event.what in batteries.NEWS)
+        # What each agent heard is hashed, too.
         heard = {}
         if mail_digests:
             # Mail to unknown names is left out.
@@ -266,7 +272,8 @@ class Engine:
     def account(self) -> None:
         """Add the last step, once, to the hash, the invariants and the times in states.
 
-        Call it before whatever needs or changes these.
+        Call it before whatever needs or changes these. It is apart from `step` so that physics can
+        send the new observations first.
         """
         stepped = self._stepped
         if stepped is None:
@@ -350,7 +357,8 @@ class Unaudited(Engine):
         self._stepped = None
 
 
-# Types of arrays, as they are hashed: little endian.
+# Numpy's letter of a type -> the type as it is hashed: little endian. The letters are float64,
+# float32, two names of int64, and bool.
 _LITTLE = {kind: np.dtype(kind).newbyteorder("<") for kind in "dflq?"}
 
 
@@ -359,7 +367,8 @@ def next_digest(
 ) -> bytes:
     """Return SHA-256 over all state and the digest before, 32 bytes, the same on every machine.
 
-    `ranges`: all scans, m, float32. `mail_digests`: agent -> the digest of what it heard.
+    `ranges`: all scans, m, float32. `mail_digests`: agent -> the digest of what it heard. State
+    that cannot change in a scenario, such as the charge without batteries, is left out.
     """
     sha = hashlib.sha256(before)
     sha.update(b"%d %d %d\n" % (world.tick, world.delivered, len(mail_digests)))

@@ -1,6 +1,8 @@
 """Makes the frames of a picture from the world at each tick.
 
-A frame holds only what has changed.
+The picture is what viewers, recordings and the web page show of a run. `orchard.server.account`
+asks for a frame after each step. A frame holds only what has changed since the one
+before, and now and then all of it ("a whole frame").
 """
 
 from typing import Any
@@ -33,8 +35,8 @@ class FrameBuilder:
         world = self._engine.world
         if world.tick % WHOLE_TICKS == 0:
             self.forget()
-        # That all fields are there is no sign of it: after some ticks without a frame all of them
-        # may have changed.
+        # `forget` empties `_shown`, and the loop below fills it. A frame with all fields need not
+        # be whole: after some ticks without a frame all of them may have changed.
         is_whole = not self._shown
         news = self._changed_words()
         velocities = np.concatenate([world.twist, self._engine.lookahead.wanted], axis=1)
@@ -85,8 +87,9 @@ class FrameBuilder:
         self._words: dict[str, tuple[str, State]] = {}
         # Of the newest frame: the velocities, as in `Velocities`, and its tick.
         self._velocities = np.zeros((0, 6))
+        # -1: there is none, so the words of all robots are due.
         self._tick = -1
-        # Robots that are shown as stopped, and those with an obstacle in the way.
+        # Names of the robots that are shown as stopped, and of those with an obstacle in the way.
         self._halted: list[str] = []
         self._hindered: list[str] = []
 
@@ -114,6 +117,7 @@ class FrameBuilder:
         Beside new actions, bodies in the way and stops change how a robot is shown.
         """
         engine = self._engine
+        # After the tick of the frame before, only these robots can be shown otherwise.
         if engine.tick == self._tick + 1:
             names = [*engine.answers, *self._hindered, *self._halted]
         else:

@@ -1,7 +1,8 @@
-"""Carriers that are away at the load-out.
+"""Carriers that are away at the load-out, where their fruit is loaded on trucks.
 
-A carrier that has unloaded goes there. It cannot leave the picture, so it stands for itself in its
-line of the queue, from the tick on at which it has turned into it. It drives up its line meanwhile.
+The world has no road to it. So a carrier that has unloaded drives from the bay to its line of the
+queue as any other one. When it has turned into the line, it counts as away for `haul_ticks`: its
+body is in the line, and may drive up it, but no bin can have it. `World.hauling` counts the ticks.
 """
 
 import numpy as np
@@ -9,14 +10,18 @@ import numpy as np
 from orchard.field.geometry import EAST
 from orchard.sim.world import World
 
-# m before the queue from which on a carrier is in its line.
+# m. A carrier is in its line from so far before the turn-off on: carriers drive to the turn-off,
+# but do not reach it to the last bit.
 EARLY = 0.05
-# rad by which it may be turned from the east there.
+# rad. A carrier that is turned further from the east is still turning into its line.
 TURNED = 0.1
 
 
 def begin(world: World, carrier: int) -> None:
-    """Let a carrier that has unloaded go to the load-out, once it is in its line."""
+    """Let a carrier, a body's index, that has unloaded go to the load-out, once it is in its line.
+
+    Without a load-out `haul_ticks` is 0.
+    """
     world.hauling[carrier] = world.layout.machines["carrier"].haul_ticks
 
 
@@ -27,7 +32,11 @@ def advance(world: World) -> None:
 
 
 def are_away(world: World) -> np.ndarray:
-    """Return which bodies are away, as seen from the queue, (n,) bool."""
+    """Return which bodies are away now, (n,) bool.
+
+    One that has unloaded and has not reached its line is not away yet, though `World.hauling` is
+    above 0.
+    """
     queue = world.layout.queue
     area = queue.area
     x, y, yaw = world.pose.T
@@ -40,7 +49,8 @@ def are_away(world: World) -> np.ndarray:
 def is_any_under_way(world: World) -> bool:
     """Whether a carrier is away at the load-out, or a trailer is: it comes back by itself.
 
-    A carrier that has unloaded, and stands before its line, may stand for ever.
+    A carrier that has unloaded, and stands before its line, does not count: it may stand there for
+    ever.
     """
     if world.layout.machines["carrier"].trailer_ticks:
         return world.is_any_hauling

@@ -1,6 +1,8 @@
 """Invariants of a run, which hold with any agents: bins, metres, calls and bodies add up.
 
-Each violation is a sentence. What is checked when:
+`orchard.sim.engine` has them checked, and a run with a violation fails. A "call" begins when a bin
+is full, and ends when a carrier has unloaded it; it "ends in an exchange" if its picker got an
+empty bin for it. Each violation is a sentence. What is checked when:
 
     after each tick                      | metres, rows, calls, stopped robots; the places of bins
                                          | if one was coupled or uncoupled
@@ -40,11 +42,11 @@ class Known(msgspec.Struct):
     delivered: int
     # Rows that are picked.
     rows: list[str]
-    # Full bin -> the carrier that took it, '' before.
+    # Full bin that is not unloaded -> the carrier that took it; '' while none has.
     calls: dict[str, str]
     # Picker -> its full bin, until it has an empty one.
     lacking: dict[str, str]
-    # Invariant and body -> the sentence on its first violation.
+    # Invariant with its body -> the sentence on its first violation: what was told to the user.
     told: dict[str, str] = {}
 
 
@@ -61,10 +63,13 @@ class Invariants:
             self.known = _known_of(world)
         else:
             self.known = msgspec.convert(data, Known)
+        # As `World.row_ends` and `World.coupled` were after the tick before.
         self._rows = world.row_ends.tolist()
         self._coupled: list[int] = []
+        # m in a bin for each metre of a row.
         self._shares = world.fixed.row_share.tolist()
-        # m. Full rows and bins are rounded up.
+        # m by which the picked metres may differ from those in bins. Physics rounds each full row
+        # and each full bin up by at most FULL_WITHIN; twice that is allowed.
         rounded = len(self._rows) + len(world.layout.names)
         self._tolerance = 2.0 * FULL_WITHIN * rounded * max(self._shares)
 
@@ -143,6 +148,7 @@ class Invariants:
                 yield from self._note_full_bin(event.who, event.whom)
             case "coupled" if event.whom in known.calls and kind_of(event.who) == "carrier":
                 yield from self._note_taken_bin(event.whom, event.who)
+            # A picker that lacks an empty bin has coupled another bin than its full one.
             case "coupled" if known.lacking.get(event.who, event.whom) != event.whom:
                 del known.lacking[event.who]
             case "unloaded":
@@ -210,13 +216,14 @@ def _row_faults(
 ) -> Iterator[Violation]:
     """Yield a violation for each row of which less is picked than before, or more than there is.
 
-    `before`, `rows`: what is picked of each row from its west end, and from its east end, m, and up
-    to where inside.
+    `before`, `rows`: the lines of `World.row_ends`, m: what is picked of each row from its west
+    end, and from its east end, and two numbers of a part inside. `lengths`: of the rows, m.
     """
     pairs = zip(before, rows, lengths, strict=True)
     for number, (old, new, length) in enumerate(pairs, start=1):
-        was = sum(old[:2])
-        now = sum(new[:2])
+        # From the west end and from the east end together.
+        was = old[0] + old[1]
+        now = new[0] + new[1]
         has_grown = old[0] <= new[0] and old[1] <= new[1]
         if not (has_grown and now <= length + FULL_WITHIN):
             change = f"was picked for {was:g} m, and now for {now:g} m"

@@ -1,5 +1,9 @@
 """Lookahead: which agents are asked at a tick.
 
+`orchard.sim.engine` uses it. Terms, as in `Hold` of orchard/contract/agent.py: a "zone" is an area
+around a body; it is "occupied" if a return of the body's laser lies in it; an agent that holds
+"watches" zones, and wants others to be "still". "Freer" is the half of a scan with fewer returns.
+
 Theory of operation. An action may hold its velocity for some ticks; until then its agent is not
 asked. When a hold ends follows from the world, the scans and the mail alone, so it is the same in
 each mode and process. Holds save work and change no result: an agent that is asked in spite of its
@@ -44,9 +48,9 @@ from orchard.sim.world import NONE, World
 
 log = logging.getLogger("orchard")
 
-# What an agent that holds would give again.
+# The fields of its last action that an agent promises to give again while it holds.
 PROMISED = ("twist", "doing", "state", "waits_for", "steps_done")
-# Different zones that are kept.
+# Different zones that are kept, with the spans of the beams in them.
 MOST_SPANS = 1024
 _BEAMS = max(kind.laser.beams for kind in KINDS.values())
 
@@ -61,7 +65,7 @@ class Lookahead:
         """Begin with no hold: all agents are asked at the first tick.
 
         `begin`: (n + 1,) the index of each body's first range among those of all bodies.
-        `asked`: `asked` of a run that is resumed.
+        `asked`: of a run that is resumed, its number `asked`; None: 0.
         """
         layout = world.layout
         n = len(layout.names)
@@ -92,9 +96,12 @@ class Lookahead:
         self._still = np.full((n, MOST_ZONES), NONE, dtype=np.int64)
         # m: the reach within which the halves of the scan are compared; 0: they are not.
         self._freer_within = np.zeros(n, dtype=np.float32)
+        # Of each zone the ranges at which each beam enters and leaves it, m.
         self._spans = np.zeros((MOST_SPANS, 2, _BEAMS))
+        # A laser and a zone -> the index of the zone's spans.
         self._numbers: dict[tuple[Laser, Zone], int] = {}
-        # The ranges of the tick before; read-only, as all ranges.
+        # The ranges of the tick before. They are read-only, as all ranges are: numba would compile
+        # the kernel once more for an array of another kind.
         self._before = np.frombuffer(bytes(4 * int(begin[-1])), "<f4")
         # The agents that are asked at this tick.
         self._due: list[str] = list(self._agents)
@@ -132,8 +139,9 @@ class Lookahead:
     ) -> dict[str, Action | None]:
         """Take the actions of this tick: `wanted` gets their velocities.
 
-        A body that holds keeps its velocity; any other gets 0. Return the answers of the agents
-        that were asked: name -> its action, or None if it gave none.
+        A body that holds keeps its velocity. One that neither holds nor has an action gets 0.
+        Return the answers of the agents that were asked: name -> its action, or None if it gave
+        none.
         """
         self.wanted[self._until == 0] = 0.0
         holding: list[int] = []
@@ -254,6 +262,7 @@ def _broken_promise(held: Action, action: Action) -> str:
 
     `held`: the action with which it began to hold.
     """
-    status = {name: getattr(held, name) for name in PROMISED}
-    promised = replace(action, deeds=[], requests=[], answers=[], **status)
+    again = {name: getattr(held, name) for name in PROMISED}
+    # Its memory and its hold may be new.
+    promised = replace(action, deeds=[], requests=[], answers=[], **again)
     return difference(promised, action, "its answer")

@@ -1,4 +1,8 @@
-"""Which bodies are in the way of a robot that reports an obstacle: its laser sees returns only."""
+"""Which bodies are in the way of a robot that reports an obstacle.
+
+A robot cannot say that itself: its laser sees returns, and no names. So the world is asked when the
+robot is shown to people. Boxes are rows of orchard/sim/kernels/boxes.py.
+"""
 
 import numpy as np
 
@@ -17,9 +21,11 @@ from orchard.sim.kernels.boxes import (
 )
 from orchard.sim.world import World
 
-# m from its front edge, and from each of its sides: a little more than robots keep free.
+# What is "ahead" of a robot: up to so many m from its front edge, and from each of its sides. Both
+# are a little more than robots keep free (docs/reference.md).
 REACH = 0.9
 ASIDE = 0.25
+# What an agent says that it waits for -> the words behind the names of the bodies.
 PLACES = {AHEAD: "ahead", IN_TURN: "in its turn"}
 
 
@@ -47,7 +53,9 @@ def _name(world: World, body: int) -> str:
 
 
 def _bodies_in_the_way(world: World, robot: int, ahead: bool) -> list[int]:
-    """Return the solid bodies ahead of a robot, or around it, the nearest first."""
+    """Return the solid bodies ahead of a robot, the nearest first. `ahead`: False for those around
+    it.
+    """
     boxes = world.fixed.shapes.copy()
     place(world.pose, boxes)
     own = boxes[robot]
@@ -55,15 +63,17 @@ def _bodies_in_the_way(world: World, robot: int, ahead: bool) -> list[int]:
         area = _box_ahead(own)
     else:
         area = _box_around(own, world.layout.names[robot])
-    # A first choice, by circles that leave out nothing that is in the area.
+    # A first choice, by circles around the robot's centre. It leaves out nothing that is in the
+    # area: the box ahead lies within twice the robot's radius, which are its own and the area's.
     away = np.hypot(boxes[:, X] - own[X], boxes[:, Y] - own[Y])
     is_near = away < area[RADIUS] + own[RADIUS] + boxes[:, RADIUS]
     itself = (robot, int(world.coupled[robot]))
-    others = []
+    # (m from the robot, body).
+    in_area = []
     for j in np.flatnonzero(world.fixed.solid & is_near).tolist():
         if j not in itself and gap(area, boxes[j]) <= 0.0:
-            others.append((float(gap(own, boxes[j])), j))
-    return [j for _, j in sorted(others)]
+            in_area.append((float(gap(own, boxes[j])), j))
+    return [j for _, j in sorted(in_area)]
 
 
 def _box_ahead(own: np.ndarray) -> np.ndarray:
@@ -83,6 +93,6 @@ def _box_around(own: np.ndarray, name: str) -> np.ndarray:
     reach = KINDS[kind_of(name)].tows + own[RADIUS]
     area[HALF_LENGTH] = reach
     area[HALF_WIDTH] = reach
-    # A little more than from its middle to a corner.
+    # From its middle to a corner are 1.42 of a side's half; a little more leaves nothing out.
     area[RADIUS] = 1.5 * reach
     return area

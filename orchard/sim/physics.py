@@ -1,7 +1,7 @@
 """One step of the orchard, 0.1 s: deeds, then movement and picking, then unloading.
 
-Only physics decides which bodies move, what is coupled, and when a row is picked, a bin is full or
-unloaded. Rules and figures: docs/reference.md.
+`orchard.sim.engine` calls `step` once in each tick. Only physics decides which bodies move, what is
+coupled, and when a row is picked, a bin is full or unloaded. Rules and figures: docs/reference.md.
 """
 
 from operator import attrgetter
@@ -18,11 +18,14 @@ from orchard.sim.kernels.jit import in_order
 from orchard.sim.kernels.move import advance
 from orchard.sim.world import NONE, Fixed, Space, World
 
-# rad by which a carrier that waits may be turned from the east.
+# rad by which a carrier that waits may be turned from the east. It turns until it faces the east to
+# rounding.
 FACING = 1e-6
-# m past the head of the queue. A carrier that something has driven there, and that cannot go back
-# because another one is behind it, still waits in the queue.
+# m past the east edge of the queue. A carrier that something has driven there, and that cannot go
+# back because another one is behind it, still waits in the queue.
 PAST_HEAD = 2.0
+# m. Of the walls only fences have a half side longer than this; trunks and posts are much thinner.
+HALF_OF_A_FENCE = 1.0
 
 # Attributes of the world that the kernel `advance` takes.
 _CHANGING = (
@@ -63,7 +66,8 @@ def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> lis
         allowed = np.where(world.stopped[:, None], 0.0, twists)
         done = do_deeds(world, allowed, deeds)
         events = _left_part_full(world, done) + done
-    # It returns True while a bin is full, too. Only full bins are unloaded.
+    # In most ticks nothing happens, and the kernel says so: then all that is skipped. It says that
+    # something may have happened also while a bin is full, because that bin may be in the bay.
     if advance(twists, *_arguments(world)):
         for i, obstacle in enumerate(world.space.met.tolist()):
             if obstacle != NONE:
@@ -83,9 +87,8 @@ def _collision(world: World, i: int, obstacle: int) -> Event:
     if obstacle < len(names):
         return Event(world.tick, "collision", names[i], names[obstacle])
     x, y, half_length, half_width = world.layout.walls[obstacle - len(names)].tolist()
-    # Only fences are so long.
     thing = "a trunk or post"
-    if max(half_length, half_width) > 1.0:
+    if max(half_length, half_width) > HALF_OF_A_FENCE:
         thing = "a fence"
     return Event(world.tick, "collision", names[i], "", f"{thing} at ({x:g}, {y:g})")
 
@@ -93,7 +96,7 @@ def _collision(world: World, i: int, obstacle: int) -> Event:
 def _left_part_full(world: World, events: list[Event]) -> list[Event]:
     """Return the events for bins that a picker has left though they are not full.
 
-    They are the last ones of a harvest. `events`: of this tick's deeds.
+    They are the last bins of pickers. `events`: of this tick's deeds.
     """
     fixed = world.fixed
     part_full = []
@@ -142,9 +145,12 @@ def _unload(world: World) -> list[Event]:
     """
     in_bay = _bins_in_bay(world)
     ticks = world.bay_ticks[in_bay].tolist()
+    # A bin that has left the bay begins anew when it comes again.
     world.bay_ticks[:] = 0
     events = []
-    for bin_, before in list(zip(in_bay, ticks, strict=True))[: _most_taken(world)]:
+    # The limit is taken once: a bin that becomes empty in this tick may lower it for the next one.
+    most = _most_taken(world)
+    for bin_, before in list(zip(in_bay, ticks, strict=True))[:most]:
         world.bay_ticks[bin_] = before + 1
         if before + 1 >= world.layout.machines["carrier"].unloading_ticks:
             events.append(_deliver(world, bin_))
@@ -171,7 +177,8 @@ def _bins_in_bay(world: World) -> list[int]:
     """
 
     def turn(bin_: int) -> tuple[bool, float]:
-        return world.bay_ticks[bin_] == 0, -world.pose[bin_, 0]
+        is_new = world.bay_ticks[bin_] == 0
+        return is_new, -world.pose[bin_, 0]
 
     resting = [bin_ for bin_ in world.full.nonzero()[0].tolist() if _rests_in_bay(world, bin_)]
     return sorted(resting, key=turn)
@@ -204,7 +211,9 @@ def is_at_rest(world: World, i: int) -> bool:
 
 
 def keeps_a_bin_waiting(world: World) -> bool:
-    """Whether a full bin stands at a place of the bay, which does not take it."""
+    """Whether a full bin stands at a place of the bay which cannot take it: there is no empty bin
+    to give for it, or no room on a trailer.
+    """
     most = _most_taken(world)
     bays = world.layout.scenario.bays
     return most < bays and len(_bins_in_bay(world)) > most

@@ -1,4 +1,7 @@
-"""Converts the data of a snapshot to a world."""
+"""Converts the data of a snapshot to a world, and refuses data that cannot be.
+
+A snapshot is a file that anybody may have changed. So each value is checked before it is simulated.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,7 +17,7 @@ from orchard.field.scenario import check
 from orchard.sim.snapshot import Snapshot, SnapshotError
 from orchard.sim.world import NONE, World
 
-# m that a body can drive by LAST_TICK.
+# m. No body drives so far by LAST_TICK: at the top speed of 100 m/s (FASTEST) it drives 6.9e11 m.
 FURTHEST = 1e12
 
 
@@ -39,6 +42,7 @@ def world_from(snapshot: Snapshot) -> World:
 
     Raises SnapshotError if it does not fit its scenario, or a value is impossible.
     """
+    # What is raised within, also the ValueError below, becomes a SnapshotError.
     with fitting(snapshot):
         world = World(lay_out(check(snapshot.scenario, "the snapshot's scenario")))
         for name, value in world.state.items():
@@ -73,13 +77,16 @@ def _faults(world: World) -> Iterator[str]:
     east, north = world.layout.walls[:, :2].max(axis=0)
     x, y, yaw = world.pose.T
     load_out = world.layout.scenario.load_out
+    # Field -> its value or values, the least and the most that each may be.
     spans: dict[str, tuple[Any, float, Any]] = {
         "tick": (world.tick, 0, LAST_TICK),
         "pose": (x, west, east),
         "pose's y": (y, south, north),
+        # Yaw is kept within half a turn, 3.2 rad. Anything of that size does no harm.
         "pose's yaw": (yaw, -10.0, 10.0),
         "twist": (world.twist, -FASTEST, FASTEST),
         "fill": (world.fill, 0.0, world.fixed.bin_full),
+        # (4, r) against (r,): no part of a row is longer than the row.
         "row_ends": (world.row_ends.T, 0.0, world.fixed.row_length),
         "pick_from": (world.pick_from, -FURTHEST, FURTHEST),
         "bay_ticks": (world.bay_ticks, 0, LAST_TICK),
@@ -96,7 +103,7 @@ def _faults(world: World) -> Iterator[str]:
         "refused": (world.refused, 0, LAST_TICK),
     }
     for name, (value, least, most) in spans.items():
-        # NaN is not within either.
+        # Both comparisons are false for NaN.
         is_within = np.greater_equal(value, least) & np.less_equal(value, most)
         if not is_within.all():
             yield f"{name}: must be from {least:g} to {np.max(most):g}"
@@ -122,5 +129,5 @@ def _are_pairs(world: World) -> bool:
 
 
 def _tows(kind: str, kind_of_partner: str) -> bool:
-    """Whether a body of one kind can tow one of the kind_of_partner."""
+    """Whether a body of a kind can tow one of the partner's kind."""
     return kind in HAULERS and kind_of_partner == "bin"

@@ -1,7 +1,9 @@
 """The lasers, 0.2 m above the ground, and the observations of all bodies.
 
 A laser sees fences, trunks, posts and all solid bodies, but neither weeds nor its own body. The
-ranges to oriented boxes are exact. Figures: docs/reference.md, "The laser".
+ranges to oriented boxes are exact. Figures: docs/reference.md, "The laser". There are two kinds of
+lasers: those of vehicles, people and animals look forward (180 beams), those of bins and weeds look
+around (60). The computation is in orchard/sim/kernels/laser.py.
 """
 
 import hashlib
@@ -23,6 +25,8 @@ from orchard.sim.kernels.laser import STEPS, add_noise, cast_all
 from orchard.sim.kernels.move import quaternions
 from orchard.sim.world import NONE, World
 
+# A laser that looks forward. Those of other kinds differ in where they are mounted, and not in
+# their beams.
 _FORWARD = KINDS["picker"].laser
 
 
@@ -35,6 +39,7 @@ class Scanner:
         # (n + 1,): the ranges of body i are begin[i] to begin[i + 1].
         self.begin = np.cumsum([0] + [laser.beams for laser in lasers], dtype=np.int64)
         self._begin = self.begin.tolist()
+        # The ranges of all bodies, m, and the same in the precision that agents get.
         self._ranges = np.empty(self.begin[-1])
         self._rounded = np.empty(self.begin[-1], dtype="<f4")
         # The arguments of `cast_all` after those that change from tick to tick.
@@ -103,14 +108,17 @@ def _fan(laser: Laser) -> tuple[np.ndarray, np.ndarray]:
     """Return the beams of a laser, as the fields of `Fan` need them.
 
     They are cosines and sines, (2, beams), and the fractional beam index at each step of the
-    diamond, (4 STEPS + 2,).
+    diamond, (4 STEPS + 2,). The diamond is explained in orchard/sim/kernels/laser.py: an angle on
+    it goes from 0 to 4, a quarter turn being 1.
     """
     cosines_and_sines = []
     for k in range(laser.beams):
         sine, cosine = repeatable.sin_cos(laser.first + k * laser.increment)
         cosines_and_sines.append((cosine, sine))
     beams = np.array(cosines_and_sines).T.copy()
+    # One step past the full turn, and one more to interpolate to.
     quarters, shares = np.divmod(np.arange(4 * STEPS + 2) / STEPS, 1.0)
+    # rad.
     angles = []
     for quarter, share in zip(quarters.tolist(), shares.tolist(), strict=True):
         angles.append(quarter * repeatable.QUARTER + repeatable.atan2(share, 1.0 - share))
@@ -123,6 +131,7 @@ def observe(world: World, scans: Scans) -> Observations:
     scans: as `Scanner.scan` returns them.
     """
     layout = world.layout
+    # The columns are those of `Observations.states`.
     states = np.empty((len(layout.names), STATE))
     states[:, :2] = world.pose[:, :2]
     states[:, 2:4] = quaternions(world.pose)

@@ -1,8 +1,10 @@
 """What robots measure of their own pose and motion: the truth, and the errors of the scenario.
 
-Pickers, carriers and the tractor have a GNSS receiver and odometry. All errors follow from the
-seed, the robot's name and the tick; what adds up from tick to tick is in the world, and so in a
-snapshot. docs/reference.md gives the models.
+Pickers, carriers and the tractor have a GNSS receiver (satellite navigation) and odometry (what
+wheels measure). The error of a receiver has two parts: a slow one, the bias, and a white one, which
+is new in each tick. All errors follow from the seed, the robot's name and the tick; what adds up
+from tick to tick is in the world (`bias`, `reckoned`), and so in a snapshot. docs/reference.md
+gives the models. `orchard.sim.engine` uses this.
 """
 
 import math
@@ -22,9 +24,10 @@ from orchard.sim.kernels.move import quaternions
 from orchard.sim.scan import Hitches
 from orchard.sim.world import World
 
-# Columns of a body's state, as `Observations` has them: its position; its velocity ahead, to the
-# left, and of its turn.
+# Columns of a body's state, as `Observations` has them: its position; z and w of its orientation;
+# its velocity ahead, to the left, and of its turn.
 X_Y = slice(0, 2)
+ORIENTATION = slice(2, 4)
 MOTION = slice(4, 7)
 
 
@@ -59,18 +62,19 @@ class Sensors:
         self._seed = scenario.seed
         self._gnss = gnss
         self._robots = robots_of(world.layout)
-        # Share of the slow error that is kept from tick to tick.
+        # Share of the slow error that is kept from tick to tick: it decays with `bias_time`, s.
         self._kept = exp(-TIME_STEP / gnss.bias_time)
-        # m: the deviation of what is added to it.
+        # m: the deviation of what is added to it in each tick, so that its deviation stays `bias`.
         self._fresh = gnss.bias * math.sqrt(1.0 - self._kept * self._kept)
         # Body -> measured metres per metre.
         self._share: dict[int, float] = {}
         # Body -> rad per metre, by which its odometry turns.
         self._bend: dict[int, float] = {}
+        # The errors of a robot's odometry stay the same during a run.
         for name, i in self._robots.items():
-            far, askew = normals(self._seed, f"odometry of {name}", 0)
-            self._share[i] = 1.0 + odometry.distance * far
-            self._bend[i] = odometry.heading * askew
+            of_distance, of_heading = normals(self._seed, f"odometry of {name}", 0)
+            self._share[i] = 1.0 + odometry.distance * of_distance
+            self._bend[i] = odometry.heading * of_heading
         self._drifts = odometry.distance > 0.0 or odometry.heading > 0.0
         # m: the deviation of the receiver's error in x, and in y.
         accuracy = math.sqrt(gnss.white**2 + gnss.bias**2)
@@ -78,7 +82,7 @@ class Sensors:
         if accuracy:
             self._accuracies = dict.fromkeys(self._robots, accuracy)
         for name, i in self._robots.items():
-            # There is none yet at tick 0, or if a fork has added it.
+            # There is no bias yet at tick 0, or if a fork has added the robot.
             if not world.bias[i].any():
                 # A slow error is as probable at first as at any other time.
                 world.bias[i] = np.multiply(gnss.bias, normals(self._seed, f"bias of {name}", 0))
@@ -107,7 +111,7 @@ class Sensors:
         self._world.reckoned[i] = (x, y, wrap(yaw + turn * TIME_STEP))
 
     def measured(self, truth: Observations) -> Observations:
-        """Return what the bodies observe, for what they would observe without errors."""
+        """Return what the bodies observe. `truth`: what they would observe without errors."""
         if self.is_exact:
             return truth
         states = self._with_motion(truth)
@@ -123,15 +127,15 @@ class Sensors:
         )
 
     def reckoned(self, truth: Observations) -> Observations:
-        """Return the observations of odometry alone, for those without errors.
+        """Return the observations with the poses of odometry alone. `truth`: as for `measured`.
 
         They know of no body at the other end of the bar.
         """
         states = self._with_motion(truth)
         for i in self._drifting:
             pose = self._world.reckoned[i]
-            states[i, :2] = pose[:2]
-            states[i, 2:4] = quaternions(pose[None])[0]
+            states[i, X_Y] = pose[:2]
+            states[i, ORIENTATION] = quaternions(pose[None])[0]
         return replace(truth, states=states, hitches={})
 
     @property

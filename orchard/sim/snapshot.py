@@ -3,6 +3,9 @@
 A run that is resumed from it gets the same hash as a run without interruption. The first line of a
 file names its format and version. The second line is the SHA-256 of the rest.
 
+`orchard.server.snapshots` and `orchard.launch` write and read them, and `orchard.saved_run` makes
+them of a run in local mode.
+
 Theory of operation. A run writes its files into a folder of its own; the file RUN there holds its
 id. A snapshot is for going on after a crash, so only the KEPT last written stay. A keyframe is for
 a fork, so all of them stay until the run begins again. The two differ only in their names: a moment

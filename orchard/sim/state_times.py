@@ -1,6 +1,7 @@
-"""The time that each robot spends in each state.
+"""The time that each robot spends in each state, for the summary of a run.
 
-A robot has one state in each tick, so its states add up to the run.
+A robot has one state in each tick, so its states add up to the run. The states are those of
+`STATES` in orchard/contract/agent.py. A robot under an emergency stop is "latched" (see stops.py).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,6 +14,7 @@ from orchard.field.kinds import ROBOTS, kind_of
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.world import World
 
+# State -> its index in STATES.
 _NUMBER = {state: number for number, state in enumerate(STATES)}
 
 
@@ -49,7 +51,7 @@ class StateTimes:
         self._body = {name: world.layout.index[name] for name in robots}
         # Robot -> the number of its state.
         self._now = dict.fromkeys(robots, _NUMBER["resting"])
-        # Whether each body is stopped, a byte each.
+        # Whether each body is stopped, one byte each: 0 or 1.
         self._latched = bytes(len(world.stopped))
         counted = max((sum(ticks) for ticks in self._known.ticks.values()), default=0)
         # The tick at which the last update ended.
@@ -68,6 +70,7 @@ class StateTimes:
 
         `answers`: of the agents that were asked. A robot without an action rests.
         """
+        # The state of a robot in the tick that has just ended is what its agent answered before it.
         begun = self._tick
         self._tick = world.tick
         latched = world.stopped.tobytes()

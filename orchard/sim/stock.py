@@ -2,7 +2,7 @@
 
 They can run out. A trailer, or the truck, brings as many back as it has taken full ones, so as many
 bins belong to the bay at all times: the empty ones, the full ones that wait there, and those on
-trailers.
+trailers. `World.waiting_bins` counts the full ones that wait for the truck.
 """
 
 from math import inf
@@ -29,8 +29,9 @@ def take(world: World) -> None:
 
 def advance(world: World) -> None:
     """Let the truck come, if it is time for it."""
+    # Ticks from one coming to the next; 0: there is no truck.
     every = world.layout.machines["carrier"].truck_ticks
-    if not every or world.tick == 0 or world.tick % every:
+    if not every or world.tick == 0 or world.tick % every != 0:
         return
     truck = world.scenario.load_out.truck
     assert truck.bins is not None

@@ -1,6 +1,8 @@
 """Trailers at the bay: each takes the bins of carriers, and drives to the load-out when it is full.
 
-Bins go on one trailer at a time: the one that stands at the bay with most of them, else the first.
+Used by `orchard.sim.physics` if the scenario has trailers. `World.trailers`, (t, 3), has the bins
+that are loaded at the bay, the tick at which the trailer is back, and the bins that it took. Bins
+go on one trailer at a time: the one that stands at the bay with most of them, else the first.
 """
 
 from math import inf
@@ -26,8 +28,9 @@ def take(world: World, is_last: bool) -> None:
         return
     # Views: what is written to them is written to the world.
     loaded, back_at, taken = world.trailers.T
-    there = (back_at <= world.tick).nonzero()[0]
-    trailer = max(there.tolist(), key=lambda number: int(loaded[number]))
+    at_bay = (back_at <= world.tick).nonzero()[0]
+    # `max` returns the first of those with equally many bins.
+    trailer = max(at_bay.tolist(), key=lambda number: int(loaded[number]))
     loaded[trailer] += 1
     load_out = world.layout.scenario.load_out
     if is_last or loaded[trailer] == load_out.trailers.bins:

@@ -14,7 +14,7 @@ from orchard.sim.kernels.boxes import RADIUS, boxes_of
 from orchard.sim.kernels.grid import Grid, frame_of, grid_of, space_for
 from orchard.sim.kernels.move import ANYWHERE, NONE, full_bins, picked_metres
 
-# m: the smallest cell. Smaller cells cost more time than they save.
+# m: the smallest side of a cell in the grid of bodies. Smaller cells cost more time than they save.
 CELL = 10.0
 
 __all__ = ["NONE", "Fixed", "World"]
@@ -29,7 +29,7 @@ class Fixed(NamedTuple):
     turn: np.ndarray
     # (n,) m from its centre back to the centre of its coupled bin; 0: it tows nothing.
     tows: np.ndarray
-    # (n,) bool.
+    # (n,) bool: all but weeds. Others cannot drive through it, and lasers see it.
     solid: np.ndarray
     # (n,) bool: bins, which move only while they are coupled.
     sideways: np.ndarray
@@ -39,7 +39,7 @@ class Fixed(NamedTuple):
     pickers: np.ndarray
     # m: what fills a bin.
     bin_full: float
-    # m: what is at least in a bin that is to be delivered, once its picker has left it.
+    # m: the least that a bin holds that is to be delivered, once its picker has left it.
     bin_least: float
     # (r,) m in a bin for each metre of the row: 1, unless each row fills one bin.
     row_share: np.ndarray
@@ -84,7 +84,7 @@ class Space(NamedTuple):
     picked_from: np.ndarray
     # Of each picker, m: its x before the step.
     before: np.ndarray
-    # (n,) bool.
+    # (n,) bool: as `World.full`.
     full: np.ndarray
 
 
@@ -113,6 +113,7 @@ def fixed_of(layout: Layout) -> Fixed:
     halves = np.column_stack([_array_of(kinds, "length"), _array_of(kinds, "width")]) / 2
     shapes = boxes_of(np.zeros_like(halves), halves)
     speed = _array_of(machines, "speed")
+    # m: the largest radius of a body, and the longest way of one in a tick.
     radius = float(shapes[:, RADIUS].max(initial=0.0))
     step = float(speed.max(initial=0.0)) * TIME_STEP
     walls = boxes_of(layout.walls[:, :2], layout.walls[:, 2:])
@@ -185,17 +186,18 @@ class World:
         self.space = _space_of(self.fixed)
         self.tick = 0
         starts = [start.pose for start in layout.starts]
-        # (n, 3): x, y, yaw.
+        # (n, 3): x, y (m), yaw (rad).
         self.pose = np.array(starts, dtype=np.float64).reshape(n, 3)
-        # (n, 3): forward, left, yaw rate of the last step; 0 if the step was refused.
+        # (n, 3): forward, left (m/s), yaw rate (rad/s) of the last step; 0 if it was refused.
         self.twist = np.zeros((n, 3))
-        # Index of the body at the other end of the bar, or NONE.
+        # Of each body, the index of the body at the other end of the bar, or NONE.
         self.coupled = np.full(n, NONE, dtype=np.int64)
         # Of bins: metres of row in the bin, 0 to what fills it.
         self.fill = np.zeros(n)
         # False for a flattened weed.
         self.alive = np.ones(n, dtype=bool)
-        # m, as `Rows.picked` in orchard/sim/kernels/move.py.
+        # (r, 4) m: picked from the west end, and from the east end; and how far a part inside is
+        # picked, from both ends. As `Rows.picked` in orchard/sim/kernels/move.py.
         self.row_ends = np.zeros((rows, 4))
         # m: x before which this picker picks nothing.
         self.pick_from = np.full(n, ANYWHERE)
@@ -204,7 +206,7 @@ class World:
         # Of carriers that have unloaded: ticks for which they will still be away at the load-out.
         self.hauling = np.zeros(n, dtype=np.int64)
         # Of each trailer: the bins on it at the bay, the tick at which it is or was back, and the
-        # bins that it took then; see trailers.py. Without trailers there is one that nobody uses.
+        # bins that it took then; see trailers.py. Without trailers there is one that is not used.
         load_out = layout.scenario.load_out
         self.trailers = np.zeros((load_out.trailers.count or 1, 3), dtype=np.int64)
         # Full bins at the bay that wait for the truck; see stock.py.

@@ -304,7 +304,7 @@ def step(world, twists, deeds):
     events = orchard.sim.physics.step(world, twists, deeds)
     world.row_ends[2, 0] += 0.01
     return events
-orchard.sim.engine.step = step
+orchard.sim.engine.step_world = step
 """
 
 

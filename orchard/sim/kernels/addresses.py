@@ -1,6 +1,8 @@
 """Calls between compiled functions of different files, by the address of the called one.
 
-So the code of a large function is made once, and not again within each function that calls it.
+Otherwise numba compiles the code of a function again within each function of another file that
+calls it. So the code of a large function is made once. `orchard.event_model.batch` calls the
+compiled event model in this way.
 """
 
 from typing import Any
@@ -13,7 +15,8 @@ from orchard.sim.kernels.jit import INTEGER
 def address_of(kernel: Any, signature: tuple[Any, ...]) -> int:
     """Return the address in memory of a kernel in this process.
 
-    The kernel must have been compiled for the signature, or this raises KeyError.
+    `signature`: the numba types of its arguments. Raises KeyError if the kernel was not compiled
+    for them.
     """
     compiled = kernel.overloads[signature]
     address: int = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)

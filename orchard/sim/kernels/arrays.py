@@ -1,7 +1,9 @@
 """Many arrays as one argument of compiled functions: a record of their addresses.
 
 Numba hands over each array in seven words. Between functions that take a tuple of two dozen arrays
-that is most of the code: compiling it took twice as long.
+that is most of the code: compiling it took twice as long. The event model hands over its columns
+so (`orchard.event_model.columns`): Python makes the record by `addresses`, and compiled code opens
+it by `opens` and then reads `record.name` as an array.
 """
 
 import hashlib
@@ -24,7 +26,7 @@ from numba.np.numpy_support import from_dtype
 
 # The type of what `ArrayRecord.addresses` returns, for numba.
 ADDRESSES = types.Array(types.int64, 1, "C")
-# Words of an array: its address, and its shape.
+# Words of 8 bytes of an array: its address, and its shape of at most three dimensions.
 WORDS = 4
 
 
@@ -34,8 +36,8 @@ class ArraysType(types.Type):
     def __init__(self, arrays: tuple[tuple[str, types.Array], ...]) -> None:
         self.names = [name for name, _ in arrays]
         self.arrays = dict(arrays)
-        # The name becomes part of that of each function. With all columns in it names took most of
-        # the code, and of the time to compile it.
+        # Numba makes the name of a type a part of the name of each function that takes it. With all
+        # columns in it, names took most of the code, and of the time to compile it.
         columns = hashlib.sha256(repr(arrays).encode()).hexdigest()[:16]
         super().__init__(f"Arrays({columns})")
 
@@ -86,7 +88,7 @@ class ArrayRecord:
     def __init__(self, arrays: Mapping[str, tuple[Any, int]]) -> None:
         """`arrays`: of each array its dtype, and its number of dimensions."""
         self._arrays = arrays
-        # Of each array the object that was found to be its dtype.
+        # Of each array the dtype object that was last compared with its dtype, and equal.
         self._dtypes: dict[str, np.dtype] = {}
         kinds = []
         for name, (dtype, dimensions) in arrays.items():
@@ -96,14 +98,16 @@ class ArrayRecord:
     def addresses(self, arrays: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return the addresses and shapes of arrays, which compiled functions open by `opens`.
 
-        Who calls them keeps the arrays meanwhile. Raises ValueError for arrays that are not those
-        of this record.
+        The record does not keep the arrays alive: its caller must, as long as it is used. Raises
+        ValueError for arrays that are not those of this record.
         """
         words = np.zeros((len(self._arrays), WORDS), np.int64)
         for number, (name, (dtype, dimensions)) in enumerate(self._arrays.items()):
-            # Each look at a recarray costs a microsecond.
+            # Each access to an attribute of a recarray costs a microsecond, so it is viewed as a
+            # plain array.
             array = arrays[name].view(np.ndarray)
-            # And so does each comparison of records.
+            # Each comparison of two dtypes of records costs a microsecond too; that of two objects
+            # by identity does not.
             is_known = array.dtype is self._dtypes.get(name) or array.dtype == dtype
             if not is_known or array.ndim != dimensions or not array.flags.c_contiguous:
                 raise ValueError(f"{name}: this is no array of {dtype} in {dimensions} dimensions")

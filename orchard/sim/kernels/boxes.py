@@ -1,7 +1,8 @@
 """Oriented boxes on the ground, as rows of an array, for the kernels of laser and physics.
 
 A box has seven columns: its centre, its half sizes, cosine and sine of its heading, and the radius
-of its circumscribed circle. Lengths are in m, in the orchard's frame.
+of its circumscribed circle. Lengths are in m, in the orchard's frame. Bodies are boxes, and so are
+walls: fences, trunks and posts.
 """
 
 import numpy as np
@@ -9,7 +10,8 @@ import numpy as np
 from orchard.sim.kernels.jit import inlined, jit, sin_cos
 
 X, Y, HALF_LENGTH, HALF_WIDTH, COSINE, SINE, RADIUS = range(7)
-# m. Boxes that overlap by at most this only touch.
+# m. Boxes that overlap by at most this only touch: far more than rounding, and far less than
+# matters.
 TOUCH = 1e-9
 
 

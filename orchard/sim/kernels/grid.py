@@ -38,7 +38,8 @@ def frame_of(walls: np.ndarray, cell: float) -> np.ndarray:
 def grid_of(walls: np.ndarray, reach: float, cell: float = 5.0) -> Grid:
     """Return the Grid of the walls, (w, 7) boxes that face east.
 
-    A cell holds each wall within `reach` (m) of a point in the cell. `cell`: side of a cell, m.
+    A cell holds each wall within `reach` (m) of a point in the cell. `cell`: side of a cell, m;
+    chosen, it changes no result.
     """
     frame = frame_of(walls, cell)
     x, y, half_x, half_y = _extents(walls)
@@ -106,6 +107,9 @@ def sort_into_cells(boxes, solid, frame, cells, begin, members):
     two points further apart.
     """
     columns = int(frame[COLUMNS])
+    # First begin[c + 2] counts the boxes of cell c. Their sums make begin[c + 1] the place of the
+    # first box of cell c. Each box that is entered there moves it on, so in the end it is where
+    # cell c + 1 begins, as `Grid.begin` has it.
     begin[:] = 0
     for i in range(len(boxes)):
         column, row = column_and_row(frame, boxes[i, X], boxes[i, Y])

@@ -1,4 +1,4 @@
-"""The inner loops of lookahead: which holds end.
+"""The inner loops of `orchard.sim.lookahead`, which has the terms: which holds end.
 
 Arrays have one row for each body. `ranges` are the scans of all bodies in one array: those of body
 i are begin[i] to begin[i + 1]. A zone is given by its spans, (2, beams): the ranges at which each
@@ -35,6 +35,7 @@ def end_holds(
             is_freer = is_left_freer(ranges, first, end, freer_within[i])
             if is_freer != was_left_freer[i]:
                 until[i] = 0
+        # A hold that has ended above may end again: that costs less than more branches.
         if _is_zone_other(ranges, first, end, watched[i], was_occupied[i], spans):
             until[i] = 0
         if _is_zone_disturbed(ranges, before, first, end, still[i], spans):

@@ -1,6 +1,8 @@
 """The compiler settings of the kernels, and the functions of orchard/field/repeatable.py compiled.
 
-They have the same formulas, and so the same bits.
+These have the same formulas as in Python, and so the same bits. A kernel is a function that numba
+compiles: `jit` for most, `allocating` for those that make arrays, `inlined` for small functions
+within others.
 """
 
 import hashlib

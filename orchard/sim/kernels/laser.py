@@ -44,12 +44,16 @@ from orchard.sim.kernels.boxes import (
 from orchard.sim.kernels.grid import ROWS, Grid, cell_of, column_and_row, sort_into_cells, strip
 from orchard.sim.kernels.jit import inlined, jit, log, sin_cos
 
+# 2 to the power of -53: a float holds each multiple of it from 0 to 1.
+UNIT = 2.0**-53
+# What the generator splitmix64 adds to come to its next number.
+GAMMA = 0x9E3779B97F4A7C15
 # Steps of the table for each quarter of the diamond.
 STEPS = 256
 # Beams: three times the error of the table.
 SLACK = 1e-3
-# Of a full turn. A face that seems to be wider is seen edge on, and rounding has swapped its
-# corners.
+# Share of a full turn. From outside a box a face is less than half a turn wide. One that seems to
+# be wider than this is seen edge on, and rounding has swapped its corners.
 WIDEST = 0.75
 
 
@@ -160,7 +164,7 @@ def _paint_box(box, x, y, c, s, fan, inverse):
     """
     frame = _in_sensor_frame(box, x, y, c, s)
     at_x, at_y, axis_x, axis_y = frame
-    # The sensor in the box's frame.
+    # The sensor in the box's frame, m: ahead of its centre, and on its left.
     along = -(axis_x * at_x + axis_y * at_y)
     across = axis_y * at_x - axis_x * at_y
     gap_along = abs(along) - box[HALF_LENGTH]
@@ -174,6 +178,9 @@ def _paint_box(box, x, y, c, s, fan, inverse):
     h = end * box[HALF_LENGTH]
     w = flank * box[HALF_WIDTH]
     nearest = _corner(frame, h, w, fan)
+    # Right and left are as the sensor sees them. Ahead of the box and on its left, or behind it and
+    # on its right, the nearest corner is the right one of the end and the left one of the flank;
+    # elsewhere it is the other way about.
     if gap_along > 0.0:
         right, left = _ordered(_corner(frame, h, -w, fan), nearest, end == flank)
         a = -end * axis_x / gap_along
@@ -209,7 +216,7 @@ def _side_of(value):
 
 @inlined
 def _ordered(a, b, is_swapped):
-    """Return two corners as (right, left): (a, b), or (b, a)."""
+    """Return two corners as (right, left): (a, b) or, if they are swapped, (b, a)."""
     if is_swapped:
         return b, a
     return a, b
@@ -327,10 +334,13 @@ def _normal(key):
 
     It depends only on the key.
     """
-    first = _scramble(key + np.uint64(0x9E3779B97F4A7C15))
-    second = _scramble(first + np.uint64(0x9E3779B97F4A7C15))
-    radius = np.sqrt(-2.0 * log((np.float64(first >> np.uint64(11)) + 1.0) * 2.0**-53))
-    return radius * sin_cos(np.float64(second >> np.uint64(11)) * 2.0**-53 * TURN)[1]
+    first = _scramble(key + np.uint64(GAMMA))
+    second = _scramble(first + np.uint64(GAMMA))
+    # The upper 53 of 64 bits. One is added to the first number, because 0 has no logarithm.
+    radius = np.sqrt(-2.0 * log((np.float64(first >> np.uint64(11)) + 1.0) * UNIT))
+    angle = np.float64(second >> np.uint64(11)) * UNIT * TURN
+    _, cosine = sin_cos(angle)
+    return radius * cosine
 
 
 @jit

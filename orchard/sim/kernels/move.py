@@ -1,4 +1,4 @@
-"""The inner loops of physics: limits, movement, picking.
+"""The inner loops of physics: limits, movement, picking. `orchard.sim.physics` calls `advance`.
 
 Arrays have one row for each body, in the order in which bodies move. Poses are in the orchard's
 frame, velocities in the body's frame. SI units.
@@ -39,9 +39,12 @@ LANE_REACH = 1.0
 PICK_REACH = 0.2
 # m. As x from which on a picker picks: wherever it is.
 ANYWHERE = 1e9
-_FRONTIER = 1e-9  # m
+# m. So far within its picked part a row still counts as unpicked, so that a picker that stands at
+# the edge of that part keeps the picking speed.
+_FRONTIER = 1e-9
 
-# Columns of `Rows.picked`.
+# Columns of `Rows.picked`. The code counts on their order: `1 - end` is the other end, and
+# `_INSIDE_WEST + end` the column of the part inside that belongs to an end.
 _WEST, _EAST, _INSIDE_WEST, _INSIDE_EAST = range(4)
 
 
@@ -60,8 +63,9 @@ class Rows(NamedTuple):
     y: np.ndarray
     # (r,) m/s.
     picking_speed: np.ndarray
-    # (r, 4) m: picked from the west end, and from the east end; and as far as a part inside is
-    # picked from the west end, and from the east end, 0 if there is none.
+    # (r, 4) m: picked from the west end, and from the east end. Then, of a part inside that touches
+    # neither of them: up to where it is picked, from the west end, and from the east end. Its
+    # length is their sum less that of the row. Both are 0 if there is no such part.
     picked: np.ndarray
 
 
@@ -196,6 +200,7 @@ def move_all(bodies, solids, walls):
     begins = False
     for i in range(len(bodies.pose)):
         obstacle = _move_one(i, bodies, solids, walls)
+        # A body that was blocked by its last step is in the same collision still.
         bodies.met[i] = NONE if bodies.blocked[i] else obstacle
         bodies.collisions[i] += bodies.met[i] != NONE
         begins |= bodies.met[i] != NONE
@@ -296,6 +301,7 @@ def overlaps(pose, shapes, solid, walls, wall_frame, wall_begin, wall_members):
 
     The pairs are (c, 2) int64; a wall is n + its index, as in `move_all`.
     """
+    # At most one body and one wall for each of n bodies.
     n = len(pose)
     boxes = shapes.copy()
     place(pose, boxes)
@@ -360,6 +366,7 @@ def keep_pace(pickers, twist, pose, coupled, fill, rows, pick_from):
     It picks in an unpicked part of the row, with a bin that is not full.
     """
     for i in pickers:
+        # Until it comes to the x from which on it picks, it only drives.
         if coupled[i] == NONE or fill[coupled[i]] >= rows.full or pick_from[i] != ANYWHERE:
             continue
         r = row_at(pose[i, 1], rows)
@@ -428,6 +435,7 @@ def _pick_up_to(r, x, is_eastward, a_bin, rows, fill):
 def picked_metres(row_ends, row_length, metres):
     """Write into metres, (r,), how much of each row is picked. `row_ends`: as `Rows.picked`."""
     for r in range(len(row_length)):
+        # Negative if there is no part inside.
         inside = row_ends[r, _INSIDE_WEST] + row_ends[r, _INSIDE_EAST] - row_length[r]
         metres[r] = row_ends[r, _WEST] + row_ends[r, _EAST] + max(0.0, inside)
 
@@ -456,12 +464,15 @@ def _begin_inside(r, from_west, rows):
 def _pick_row(r, end, done, a_bin, rows, fill):
     """Pick a row up to `done` m from an end, _WEST or _EAST, into a bin. Return whether it grew.
 
-    It does if that continues the part that is picked from there. What a row or a bin lacks at most
-    in the end is picked too, so each metre picked is in a bin.
+    It does if that continues the part that is picked from there: the part inside, if there is one.
+    The last FULL_WITHIN m that a row or a bin would lack are picked too, so each metre picked is in
+    a bin.
     """
     picked = rows.picked[r]
     share = rows.share[r]
+    # m from the end to the edge of what is picked from the other end.
     ripe = rows.length[r] - picked[1 - end]
+    # m of this row for which the bin has room.
     room = (rows.full - fill[a_bin]) / share
     part = end
     if picked[_INSIDE_WEST] != 0.0:

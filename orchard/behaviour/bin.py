@@ -3,21 +3,29 @@
 It stands in the mouth of a lane then. If the scenario's dispatch policy is `early`, it calls before
 that, while its picker still fills it.
 
-Theory of operation. A bin has at most one call open. What it asks depends on the policy: without a
-dispatcher all carriers, else the dispatcher. These are the states of a call, with what leads to the
-next one:
+A bin cannot drive. While it is coupled, the "bar" joins it to a robot (a picker or a carrier), and
+this agent computes the velocity with which it follows. The simulator lets the bin move sideways and
+turn for that.
+
+Theory of operation. A call is the search of a bin for a carrier that takes it away. A bin has at
+most one call open. Which agents it asks depends on the policy: with `nearest` there is no
+dispatcher, and it asks all carriers; else it asks the dispatcher. These are the states of a call,
+with what leads to the next one:
 
     state of a call | what happens                                  | next state
     ----------------+-----------------------------------------------+-----------------
     none            | it stands full, or will soon, if `early`      | calling
     calling         | a carrier is chosen, or the dispatcher names  | sent for
-                    | one; else it asks again after CALL_AGAIN      |
+                    | one; else the bin asks again after CALL_AGAIN |
     sent for        | the carrier agrees                            | coming
-    sent for        | it refuses                                    | calling
-    sent for        | GIVE_UP questions are not answered; until the | calling
-                    | next call it is chosen only if no other offers|
-    coming          | it is asked each ASK_AGAIN ticks, and agrees  | coming
-    coming          | it refuses, or is silent for so long          | calling
+    sent for        | the carrier refuses                           | calling
+    sent for        | the carrier leaves GIVE_UP questions without  | calling
+                    | an answer; until the next call it is chosen   |
+                    | only if no other one offers                   |
+    coming          | the carrier is asked each ASK_AGAIN ticks,    | coming
+                    | and agrees                                    |
+    coming          | the carrier refuses, or leaves GIVE_UP        | calling
+                    | questions without an answer                   |
     any             | a carrier has coupled the bin                 | none
 
 """
@@ -41,10 +49,11 @@ from orchard.plans.forecast import LEAST_SPEED, Forecast
 CALL_AGAIN = 20
 # Ticks between two questions to a carrier whether it still comes.
 ASK_AGAIN = 50
-# m/s and rad/s by which a bin's velocity may differ from its robot's without a correction: 1e-7 m
-# in a tick.
+# m/s and rad/s by which a bin's velocity may differ from its robot's without a correction. It is
+# then off its place by 1e-7 m after a tick, far less than the bar allows.
 KEEPS = 1e-6
-# rad/s. A bin that would have to turn faster drifts off the way of its robot while it holds.
+# rad/s. A bin that would have to turn faster than this to face as its robot does must not hold its
+# velocity: it would drift off the way of its robot meanwhile.
 ALIGNED = 1e-9
 # Questions in a row without an answer, after which a carrier is given up.
 GIVE_UP = 6
@@ -57,7 +66,7 @@ class BinMemory(msgspec.Struct):
     carrier: str = ""
     # Whether that carrier has agreed.
     coming: bool = False
-    # Tick of its last question.
+    # Tick of its last question; at first so long ago that it may ask at once.
     asked: int = -1000
     # Questions since the last answer.
     silent: int = 0
@@ -69,13 +78,13 @@ class BinMemory(msgspec.Struct):
     since: int = -1
     # Calls that ended in an exchange.
     done: int = 0
-    # m/s, in the present row.
+    # m/s at which its picker picks in the present row; 0: not known yet.
     picking_speed: float = 0.0
     # m/s at which the picker drove when the bin last looked.
     speed: float = 0.0
     # m in it when it last looked.
     fill: float = 0.0
-    # Where its picker will leave it next.
+    # Where its picker will leave it next, by the picker's word; None: it has not said it.
     left_at: messages.LeftAt | None = None
 
     @property
@@ -90,7 +99,7 @@ class Standing(NamedTuple):
     """Where a bin stands full, or will."""
 
     lane: int
-    # End of the lane.
+    # End of the lane: 'east' or 'west'.
     side: str
     # s until it stands there full; 0 once it does.
     seconds_to_full: float = 0.0
@@ -157,10 +166,12 @@ class Bin:
     def follow(self, seen: Observation, hitch: Hitch, memory: BinMemory, action: Action) -> None:
         """Move to where the bin belongs after this tick, if its robot keeps its velocity.
 
-        That is the place behind the robot. `hitch`: the robot.
+        That is the place behind the robot. `hitch`: the robot. A call ends here: its carrier has
+        coupled the bin.
         """
         yaw = seen.pose.yaw
         exact = twist_to(seen.pose, place_behind(hitch, yaw))
+        # The same but for rounding, while the robot drives straight on: it can be held.
         straight = straight_twist(hitch, yaw)
         action.twist = exact
         if is_near(exact, straight, KEEPS):
@@ -172,6 +183,7 @@ class Bin:
         _show_ride(seen, hitch.name, action)
         if kind_of(hitch.name) == "picker":
             memory.picker = hitch.name
+            # A bin with a forecast may call while its picker still fills it.
             if self.forecast is None:
                 memory.since = -1
             return
@@ -188,7 +200,8 @@ class Bin:
     ) -> None:
         """Call while the picker still fills the bin. Only a bin with a forecast can.
 
-        It begins when a carrier for the farthest lane would have to leave.
+        It begins to call when a carrier for the farthest lane would have to leave (`horizon` of
+        orchard/plans/forecast.py).
         """
         forecast = self.forecast
         assert forecast is not None
@@ -207,6 +220,7 @@ class Bin:
             standing = Standing(ripening.lane, ripening.side, ripening.seconds)
             self.call(seen, mail, memory, action, standing)
         elif action.hold is not None:
+            # It need not look before it may have to call.
             action.hold = Hold(seen.tick + forecast.ticks(ripening))
 
     def _measure_picking_speed(self, seen: Observation, memory: BinMemory, is_steady: bool) -> None:
@@ -255,7 +269,7 @@ class Bin:
     def ask(self, memory: BinMemory, action: Action, standing: Standing) -> None:
         """Ask the carrier that was chosen whether it comes.
 
-        Without one, ask the dispatcher, or all carriers.
+        Without one, ask the dispatcher or, if there is none, all carriers.
         """
         lane, side, seconds_to_full = standing
         if memory.carrier:
@@ -279,6 +293,7 @@ class Bin:
         offers = _offers_in(mail)
         if not offers:
             return ""
+        # If all that offer were silent before, any of them may come.
         willing = [offer for offer in offers if offer.name not in memory.shunned] or offers
         report = BinReport(
             name=seen.name,
@@ -286,8 +301,10 @@ class Bin:
             side=standing.side,
             picker=memory.picker,
             since=memory.since,
+            # It is the only bin here, so its distance decides nothing.
             metres=0.0,
         )
+        # The policies that work without a dispatcher remember nothing.
         assignments = self.policy.assign(seen.tick, [report], willing, self.policy.Memory())
         if assignments:
             return assignments[0].carrier
@@ -310,7 +327,7 @@ class Bin:
                     memory.shunned += [memory.carrier]
                 memory.carrier = ""
                 memory.coming = False
-                # It calls again at once.
+                # It asks again in this tick.
                 memory.asked = tick - CALL_AGAIN
 
     def where(self, x: float, y: float) -> Standing:
@@ -388,6 +405,7 @@ def quarter_turn(robot: float, yaw: float) -> float:
     It is the quarter turn that is nearest to the difference of their yaws, rad.
     """
     off = angle_between(robot, yaw)
+    # `int` cuts towards 0. With a half more, away from 0, it rounds to the nearest number.
     half = 0.5 if off >= 0 else -0.5
     return repeatable.QUARTER * int(off / repeatable.QUARTER + half)
 
@@ -412,7 +430,11 @@ def moved(pose: Pose, twist: Twist) -> Pose:
 
 
 def chord(turn: float) -> tuple[float, float]:
-    """Return sin(turn) / turn and (1 - cos(turn)) / turn."""
+    """Return sin(turn) / turn and (1 - cos(turn)) / turn. `turn`: rad.
+
+    After a drive of 1 m on an arc that turns so far, these are the metres ahead and to the left.
+    """
+    # Here the first terms of both series are exact to 2e-13.
     if abs(turn) < 1e-6:
         return 1.0, 0.5 * turn
     s, c = repeatable.sin_cos(turn)
@@ -420,7 +442,11 @@ def chord(turn: float) -> tuple[float, float]:
 
 
 def twist_to(start: Pose, end: Pose) -> Twist:
-    """Return the velocity that leads from one pose to another in one tick: on an arc."""
+    """Return the velocity that leads from one pose to another in one tick: on an arc.
+
+    It is what `moved` does, the other way about: there a * v and b * v are the ways ahead and to
+    the left, and here they are solved for v.
+    """
     turn = angle_between(start.yaw, end.yaw)
     ahead, left = to_frame(start, end.x, end.y)
     if (turn, ahead, left) == (0.0, 0.0, 0.0):

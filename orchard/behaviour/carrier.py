@@ -1,6 +1,9 @@
 """The carrier: brings an empty bin to a picker, and takes the full bin to the bay.
 
-It waits in the queue until a full bin calls, or the dispatcher has sent it.
+It waits in the queue until a full bin calls, or the dispatcher has sent it. With `nearest` a
+calling bin asks all carriers, those that can leave offer themselves, and the bin sends for one of
+them (`Come`). With a dispatcher there are no offers: the dispatcher asks carriers for their state.
+Its plan is made of steps (orchard/plans); `orchard.plans.routes` has the steps of each route.
 """
 
 from collections.abc import Mapping
@@ -28,13 +31,16 @@ from orchard.plans.routes import route_of
 from orchard.plans.sense import bystanders_of
 from orchard.plans.steps import Plan, Realign, of_known_steps, with_steps
 
-# Ticks in which a bin that has an offer sends for a carrier. After them it comes last.
+# A bin sends for a carrier within so many ticks of its first offer. One that has not done so by
+# then comes last for further offers: it probably has another carrier.
 CHOOSING = 5
 # m to the head of the line, of a carrier that stands there.
 AT_HEAD = 0.1
-# m to the head of the line, of a carrier that drives up to it.
+# m to the head of the line, at most, of a carrier that drives up to it and can already be sent: one
+# place of the queue, and some centimetres for where it may have stopped.
 MOVING_UP = PITCH + 0.2
-# Ticks for which a call counts. By then the bin has called again, unless a carrier comes.
+# Ticks for which a call counts. By then the bin has called again, unless a carrier comes; the 5 are
+# a margin.
 REMEMBERED = CALL_AGAIN + 5
 
 
@@ -45,7 +51,7 @@ class HeardCall(msgspec.Struct):
     since: int
     # Tick at which it was last heard.
     tick: int
-    # Tick of the first offer to it.
+    # Tick of this carrier's first offer to it; LAST_TICK: it has made none.
     offered: int = LAST_TICK
 
 
@@ -73,7 +79,8 @@ class CarrierMemory(Plan):
     flat: bool = False
     # Bin -> its call, heard lately, also while the carrier is busy.
     calls: dict[str, HeardCall] = {}
-    # Its place in the queue, from 1: it waits in the line of that place. 0: that of its number.
+    # Its place in the queue, from 1: it waits in the line of that place. 0: its place is the number
+    # in its name. Only a fork gives another one.
     queue_place: int = 0
 
 
@@ -175,14 +182,16 @@ class Carrier:
         return Offer(x, y, self.route.distance(x, y, call.lane, self.route.sides[call.side]))
 
     def course(self, memory: CarrierMemory) -> list[Step]:
-        """Return the steps of which the plan in a memory is a part.
+        """Return the steps of which the plan in a memory is a part, in whichever line of the queue
+        the carrier ends.
 
-        They hold for whichever line of the queue.
+        A fork (`orchard.fork`) finds by them which step of a plan is which of a changed orchard.
         """
         steps = [*self.route.wait_in_queue()]
         if memory.job is None:
             return steps
         waiting = memory.queue_place or self.number
+        # Its place in the charging lines; without them the same place.
         charging = waiting + self.layout.first_charging
         steps += self.fetch(waiting, memory.job)
         if charging != waiting:
@@ -195,6 +204,7 @@ class Carrier:
 
     def is_next(self, robot: PlanExecutor) -> bool:
         """Whether the carrier is at the head of its line, or drives up to it."""
+        # The queue faces east, with all heads at one x.
         behind = self.layout.queue.head - robot.pose.x
         return can_leave(behind, robot.seen.twist.x > 0.0, robot.position_bound)
 
@@ -205,8 +215,10 @@ class Carrier:
         number = self.route.number(memory.queue_place or self.number, robot.pose.y)
         plan = self.fetch(number, memory.job)
         memory.plan = of_known_steps(plan, self.route.Steps)
+        # What its last job has asked and found is over; see `Plan`.
         memory.asked = {}
         memory.left = ""
+        # Its offers are over too: after the job each bin that calls gets a first offer again.
         for call in memory.calls.values():
             call.offered = LAST_TICK
 
@@ -222,8 +234,8 @@ def can_leave(behind: float, is_moving: bool, position_bound: float = 0.0) -> bo
 def first_call(calls: Mapping[str, HeardCall], offered: Mapping[str, int], tick: int) -> str:
     """Return the bin to which a carrier offers itself: the one that has called for longest.
 
-    A bin with an offer for longer than a bin needs to send for a carrier comes last. `offered`: bin
-    -> tick of the first offer to it.
+    A bin that has had an offer for more than CHOOSING ticks comes last. `calls`: bin -> its call.
+    `offered`: bin -> tick of the first offer to it.
     """
 
     def rank(name: str) -> tuple[bool, int, str]:
@@ -242,6 +254,7 @@ def hear_calls(calls: dict[str, HeardCall], mail: Mail, tick: int) -> None:
         if isinstance(heard.body, Call):
             offered = LAST_TICK
             before = calls.get(heard.sender)
+            # The same call, heard once more, keeps the tick of its first offer.
             if before and before.since == heard.body.since:
                 offered = before.offered
             calls[heard.sender] = HeardCall(heard.body.since, tick, offered)

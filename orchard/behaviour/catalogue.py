@@ -1,6 +1,7 @@
 """Which class drives which agent, and which agents are trusted.
 
-The class is a built-in one, or the one that the scenario names.
+The class is a built-in one, or the one that the scenario names. A trusted agent is one of ours
+without a user's policy or route: its guard (orchard/contract/guard.py) need not check it.
 """
 
 import logging
@@ -47,18 +48,20 @@ AGENTS: dict[str, type[Any]] = {
 
 def make_agents(layout: Layout, names: Collection[str] | None = None) -> dict[str, Guard]:
     """Make these agents of an orchard, or all. Return them by name, sorted."""
+    # Agent -> the path of the user's class.
     own = agent_classes(layout)
     wanted = sorted(name for name in layout.agents if names is None or name in names)
     return {name: _made(own.get(name), layout, name) for name in wanted}
 
 
 def agent_classes(layout: Layout) -> dict[str, str]:
-    """Return the scenario's own classes, by agent.
+    """Return the paths of the classes that the scenario names, by agent.
 
     A name overrides a kind. Raises ValueError for a word that is neither.
     """
     classes = layout.scenario.agents
     paths: dict[str, str] = dict(layout.scenario.agents_without_body)
+    # Kinds first, so that names override them.
     for word in sorted(classes, key=lambda word: word in layout.agents):
         try:
             paths |= dict.fromkeys(select_agents(layout.agents, [word], []), classes[word])
@@ -84,15 +87,18 @@ def _check_route(layout: Layout) -> None:
 
     Raises ScenarioError where that fails, or a plan has a step that is not in `Steps`.
     """
-    route, path = route_of(layout), layout.scenario.route
+    route = route_of(layout)
+    path = layout.scenario.route
     if path in ROUTES:
         return
     try:
+        # Memories with its steps must survive being sent.
         unpack(pack(with_steps(Plan, route.Steps)()), with_steps(Plan, route.Steps))
         for block in layout.blocks.values():
             of_known_steps(route.harvest(block), route.Steps)
             for pass_ in layout.passes(block):
                 side = route.sides[pass_.end]
+                # Which carrier, picker and bin it is changes nothing of what is checked.
                 job = route.fetch(1, pass_.row, side, "picker_01", "bin_01")
                 of_known_steps(job, route.Steps)
                 _demand_haul(layout, job)

@@ -1,6 +1,8 @@
 """The dispatcher: it gathers the reports of bins and carriers, and sends carriers.
 
-The scenario's policy decides.
+The scenario's policy (orchard/dispatch) decides. The dispatcher is an agent without a body, and
+there is none with the policy `nearest`. Its memory has "bookings": which carrier is sent to which
+bin. A booking is "answered" once the bin has heard of it.
 """
 
 import logging
@@ -53,7 +55,7 @@ class Booking(msgspec.Struct):
     """A carrier that the policy has sent to a bin."""
 
     carrier: str
-    # Tick at which the bin was answered; -1: not yet.
+    # Tick at which the bin was answered, and so told; -1: not yet.
     told: int = -1
 
     @property
@@ -95,8 +97,10 @@ class Dispatcher:
         self.layout = layout
         self.policy = dispatch_of(layout)
         self.route = route_of(layout)
+        # What `way_to` has returned for an end of a lane.
         self._ways: dict[tuple[int, str], tuple[float, float]] = {}
         self.carriers = layout.names_of("carrier")
+        # The manual's policy, for a decision of another policy that cannot be.
         self.manual = Nearest(layout)
 
     def way_to(self, lane: int, side: str) -> tuple[float, float]:
@@ -112,6 +116,7 @@ class Dispatcher:
         answers = [(heard, self.answer(memory, heard, seen.tick)) for heard in mail.requests]
         action = Action(memory=memory, answers=answers)
         refused_before = memory.refused
+        # Carriers report if they were asked two ticks ago: then it is time to decide.
         carriers = carrier_reports(mail)
         if carriers:
             self.decide(memory, carriers, seen.tick)
@@ -143,7 +148,9 @@ class Dispatcher:
         return min(ticks)
 
     def answer(self, memory: DispatcherMemory, heard: Heard, tick: int) -> Answer:
-        """Answer a bin: the carrier that comes, or '' while the policy has none for it."""
+        """Note what a bin reports, and answer: the carrier that comes, or '' while the policy has
+        none for it.
+        """
         body = heard.body
         name = heard.sender
         if not isinstance(body, Fetch):
@@ -197,7 +204,7 @@ class Dispatcher:
     def orders(
         self, memory: DispatcherMemory, bins: list[BinReport], free: list[CarrierReport], tick: int
     ) -> list[Assignment]:
-        """Return the policy's decision.
+        """Return the policy's decision, and keep the policy's memory.
 
         Raises what the policy raises, and TypeError or ValueError for what cannot be.
         """

@@ -1,4 +1,8 @@
-"""The picker: drives its rows, fills its bin, leaves the full bin, and fetches an empty one."""
+"""The picker: drives its rows, fills its bin, leaves the full bin, and fetches an empty one.
+
+It follows the plan of its route (`harvest` of orchard/plans/route.py). This class puts the steps
+into the plan bit by bit, and answers the carrier that brings an empty bin.
+"""
 
 from orchard.contract.agent import Action, Heard, Mail, Observation
 from orchard.contract.messages import Answer, Here, No, Yes
@@ -8,7 +12,8 @@ from orchard.plans.routes import route_of
 from orchard.plans.sense import bystanders_of
 from orchard.plans.steps import Plan, Realign, of_known_steps, with_steps
 
-# Steps: more than a picker does in a tick, and few, because the memory is sent with each action.
+# Steps that are put into the plan at a time: more than a picker does in a tick, and few, because
+# the memory is sent with each action.
 FORESEEN = 50
 
 
@@ -21,9 +26,10 @@ class PickerMemory(Plan):
     carrier: str = ""
     # The empty bin that was brought.
     offered: str = ""
-    # The empty bin that it took, with the place where it stood.
+    # The empty bin that it took, once it has also taken over the place where the bin stood.
     taken: str = ""
-    # Steps of its harvest that were put into its plan so far; -1: it has another plan.
+    # Steps of its harvest that were put into its plan so far; -1: its plan is none of its harvest,
+    # as one that a user's class has made.
     planned: int = -1
 
 
@@ -54,19 +60,20 @@ class Picker:
         return robot.finish()
 
     def course(self, memory: PickerMemory) -> list[Step]:
-        """Return the steps of which the plan in a memory is a part."""
-        if not memory.planned >= 0:
+        """Return the steps of which the plan in a memory is a part, for a fork (`orchard.fork`)."""
+        if memory.planned < 0:
             return []
         return self.steps
 
     def answer(self, robot: PlanExecutor, heard: Heard) -> Answer:
-        """Answer a carrier that brings a bin.
+        """Answer a carrier that brings a bin, and note the bin, which the plan then fetches.
 
-        It is yes once the bin is coupled and the place where it stands is taken over.
+        The answer is yes once the bin is coupled and the place where it stands is taken over.
         """
         if not isinstance(heard.body, Here):
             return No("a picker knows nothing of that")
         memory = robot.memory
+        # A carrier that has not heard the yes asks again; the bin may be full and left by then.
         if heard.body.bin in (memory.taken, memory.full_bin):
             return Yes()
         if robot.seen.hitch is not None:

@@ -1,6 +1,6 @@
 """The tractor: drives up and down the driveway, and waits and turns about at each end.
 
-It stops for obstacles.
+It stops for obstacles. It handles no bins: it is traffic beside the bay.
 """
 
 from orchard.contract.agent import Action, Mail, Observation
@@ -14,6 +14,7 @@ WEST_END = -45.0
 EAST_END = -25.0
 WORK = 5.0  # s at each end
 
+# The steps of a round. It begins at the west end, facing east.
 ROUND: list[Step] = [
     Say("driving east", "driving"),
     DriveTo(x=EAST_END),

@@ -1,5 +1,10 @@
 """Traffic: the agent without a body that grants places on the roads.
 
+Places are parts of the roads, such as the crossing of a lane and the road D (docs/traffic.md); the
+layout names them. A "claim" is the letter in which a robot names the places that it keeps and those
+that it wants. A "wish" is a claim that waits. Partners are a picker and the carrier that brings it
+a bin: both must be at the lane together, so `beside` names the partner that may share places.
+
 Theory of operation. A robot names the places that it keeps and those that it wants. It gets all
 that it wants or none. Robots are served in the order in which they asked (ties by name): a claim
 that waits keeps its places from all that asked later. A place belongs to one robot, or to two
@@ -21,7 +26,7 @@ from orchard.contract.agent import Action, Heard, Hold, Mail, Observation
 from orchard.contract.messages import LAST_TICK, Answer, Claim, Places
 from orchard.field.layout import Layout
 
-# Ticks after which a claim that is not repeated is dropped.
+# Ticks after which a wish that is not repeated is dropped. A robot repeats it every 5 ticks.
 FORGET = 30
 
 
@@ -29,7 +34,7 @@ class PendingClaim(msgspec.Struct):
     """The places for which a robot waits."""
 
     places: list[str]
-    # The partner that may have some of them.
+    # The partner that may have some of them; '' for none.
     beside: str
     # Tick at which it was first heard.
     since: int
@@ -113,6 +118,7 @@ def grant(table: ReservationTable) -> None:
     for _, name in sorted((wish.since, name) for name, wish in table.wishes.items()):
         wish = table.wishes[name]
         missing = [place for place in wish.places if place not in table.reserved[name]]
+        # `taken` is a quick test. Of the places that are taken, the partner may have some.
         has_partner = wish.beside != ""
         is_free = taken.isdisjoint(missing) or (has_partner and not blockers(table, name, wish))
         if is_free and (waited_for.isdisjoint(missing) or _joins_partner(table, wish, missing)):
@@ -132,7 +138,7 @@ def _joins_partner(table: ReservationTable, wish: PendingClaim, missing: list[st
 
 
 def blockers(table: ReservationTable, name: str, wish: PendingClaim) -> list[str]:
-    """Return the robots that have places for which a robot waits."""
+    """Return the robots, other than its partner, that have places for which a robot waits."""
     others = set[str]()
     for place in wish.places:
         owners = owners_of(table, place)

@@ -1,4 +1,10 @@
-"""People walk straight on. Animals choose anew every 3 s. Neither lingers for long."""
+"""People and animals: they walk about, at random, and are in the way of robots.
+
+People walk straight on. Animals choose a new speed and turn (a "whim") every 3 s. Both turn away
+from what is in their path, and neither lingers for long: one that has hardly moved for a while
+"breaks out" in a free direction. docs/reference.md, "The behaviours", has the rules and figures;
+"manual" means the user manual of 2015 (docs/manual.md).
+"""
 
 import math
 
@@ -14,22 +20,26 @@ from orchard.field.repeatable import PI, draw, wrap
 from orchard.field.scenario import TICKS_PER_SECOND, TIME_STEP
 from orchard.plans.sense import free_directions, is_path_free, path
 
-STEER_WITHIN = 4.0  # m (docs/reference.md)
-TURN_WITHIN = 1.0  # m
+STEER_WITHIN = 4.0  # m: for what is nearer in its path a walker steers aside while it walks
+TURN_WITHIN = 1.0  # m: for what is nearer it stops and turns, until twice as much is free
 STEER = PI / 8  # rad/s while it walks on
 BACK = Twist(x=-0.5)
 LEFT = Twist(yaw=PI / 4)
 RIGHT = Twist(yaw=-PI / 4)
 ON = Twist(x=0.5)
-# What a walker tries after a collision.
+# What a walker tries after a collision, each with the same chance: to back off is three times as
+# probable as any other way.
 WAYS = (BACK, BACK, BACK, LEFT, RIGHT, ON)
 RECOVERY = 12  # ticks for which it tries one of them
-# m. A walker that has got no farther from a place may still be within a circle of 3 m: it lingers.
+# m. A walker lingers while it is no farther than this from the place in its memory: it may still be
+# within a circle with a radius of 3 m.
 LINGER = 6.0
 LINGER_TICKS = 200  # ticks after which it breaks out, 20 s
 OUT_TICKS = 80  # ticks for which it walks in one direction to get out
-# m that must be free in that direction; if no direction is, the second value.
+# m that must be free in that direction; if no direction is free so far, the second value.
 FREE = (3.0, 1.5)
+EVADING_SPEED = 1.0  # m/s, at most, of an animal that turns away or breaks out
+STRAIGHT = 1e-9  # rad: a walker that is turned less from its way out faces it
 
 MIND_CHANGES = 3 * TICKS_PER_SECOND  # ticks between two choices of an animal (manual)
 SLACK = 1e-6  # m, far more than rounding
@@ -41,7 +51,7 @@ class WalkerMemory(msgspec.Struct):
 
     x: float
     y: float
-    since: int  # tick at which it came here
+    since: int  # tick at which it came to x, y
     # Whether it stopped for something near, and turns until its way is free.
     turning: bool = False
     # Whether it wanted to move in the last tick.
@@ -114,7 +124,7 @@ class Animal:
         if seen.tick < memory.turning_until:
             whim_ends = min(whim_ends, memory.turning_until)
             whim = Twist(x=memory.speed, yaw=memory.rate)
-        speed = min(memory.speed, 1.0)
+        speed = min(memory.speed, EVADING_SPEED)
         twist, evading = walk(seen, memory, self.kind, seed=self.seed, speed=speed, whim=whim)
         state: State = "driving"
         doing = evading or "wandering"
@@ -166,7 +176,7 @@ def walk(
     """
     twist = bump(seen, memory, seed)
     if twist is None:
-        twist = break_out(seen, memory, seed, min(1.0, kind.speed), kind.turn)
+        twist = break_out(seen, memory, seed, min(EVADING_SPEED, kind.speed), kind.turn)
     if twist is None:
         twist = avoid(seen, memory, speed, kind.turn)
     evading = "turning away"
@@ -182,8 +192,11 @@ def bump(seen: Observation, memory: WalkerMemory, seed: int) -> Twist | None:
 
     It backs off, turns aside or goes on, by chance.
     """
+    # It wanted to move, and did not: physics has refused the step.
     if memory.moving and seen.twist == STILL:
-        memory.way = int(len(WAYS) * draw(seed, seen.name, seen.tick, 2)[1])
+        # `break_out` uses the first of these numbers.
+        _, chance = draw(seed, seen.name, seen.tick, 2)
+        memory.way = int(len(WAYS) * chance)
         memory.recovers_until = seen.tick + RECOVERY
         memory.out = None
     if seen.tick < memory.recovers_until:
@@ -226,9 +239,10 @@ def break_out(
         memory.out = wrap(seen.pose.yaw + way_out(seen, draw(seed, seen.name, seen.tick)[0]))
         memory.until = seen.tick + OUT_TICKS
     turn = angle_between(seen.pose.yaw, memory.out)
-    if abs(turn) > 1e-9:
+    if abs(turn) > STRAIGHT:
         return Twist(yaw=max(-most_turn, min(most_turn, turn / TIME_STEP)))
     if not is_path_free(seen, TURN_WITHIN / 2):
+        # It stands for a tick, and chooses another direction in the next one.
         memory.out = None
         return Twist()
     return Twist(x=speed)
@@ -239,7 +253,8 @@ def hold_of(
 ) -> Hold | None:
     """Return how long a walker keeps its velocity: as long as it does the same.
 
-    `until`: when its whim ends.
+    `until`: when its whim ends. It is asked earlier when what `walk` decides by may change: whether
+    its path is free as far as matters, and which side is freer.
     """
     if seen.tick < memory.recovers_until:
         return Hold(min(until, memory.recovers_until))

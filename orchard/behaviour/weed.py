@@ -1,4 +1,9 @@
-"""The weed: detects motion within a metre of itself, and asks to be flattened."""
+"""The weed: detects motion within a metre of itself, and asks to be flattened.
+
+A weed is a body with a laser that looks around (60 beams). Its "silhouette" is one number for all
+that is near; when that changes, something moves there. A flat weed is out of the harvest's way, and
+its laser measures nothing.
+"""
 
 import math
 
@@ -23,6 +28,7 @@ REACH = 1.05
 SURE = 5.0
 
 _LASER = KINDS["weed"].laser
+# (60, 2): sine and cosine of each beam.
 _SIN_COS = np.array(
     [repeatable.sin_cos(_LASER.first + k * _LASER.increment) for k in range(_LASER.beams)]
 )
@@ -52,6 +58,7 @@ class Weed:
         now, beams = silhouette(seen.scan)
         memory = memory or self.Memory(now)
         action = Action(memory=memory, doing="growing", state="resting")
+        # mm. Noise of `beams` beams, m each, adds up by the square root.
         change = abs(now - memory.silhouette)
         if change <= 1000 * SURE * self.noise * math.sqrt(beams):
             action.hold = Hold(LAST_TICK, still=(AROUND_IT,))
@@ -75,6 +82,7 @@ def silhouette(scan: np.ndarray) -> tuple[int, int]:
 def is_within_reach(scan: np.ndarray) -> bool:
     """Whether a return is within REACH of the weed's edge. `scan`: ranges, m, (60,)."""
     near = scan < NEAR
+    # (near beams, 2): y and x of each return, from the weed's centre, m.
     sides = scan[near, None] * _SIN_COS[near]
     half = KINDS["weed"].length / 2
     y, x = np.maximum(np.abs(sides) - half, 0.0).T

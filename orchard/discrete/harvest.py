@@ -1,4 +1,7 @@
-"""A whole harvest in the event model, and what it gives: the door to `orchard.event_model`."""
+"""A whole harvest in the event model, and what it gives: the door to `orchard.event_model`.
+
+The packages that ask how long a harvest takes (optimum, report, study, gym, futures) use it.
+"""
 
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -23,12 +26,13 @@ class DiscreteFigures:
     """What a harvest, or its long run, gives. All figures are of the same time."""
 
     bins_per_hour: float
-    # For which a picker stands until it has an empty bin, mean.
+    # s for which a picker stands until it has an empty bin, mean of all its bins.
     picker_waiting_seconds: float
-    # Share of the time outside the queue, 0 to 1.
+    # Share of the time for which a carrier is outside the queue, 0 to 1, mean of all carriers.
     carrier_utilisation: float
-    # That were measured.
+    # s, the simulated time to which the figures belong.
     sim_seconds: float
+    # Bins that were unloaded in this time.
     bins: int
 
 
@@ -61,7 +65,7 @@ class DiscreteHarvest:
         NotImplementedError for steps that the model does not know.
         """
         refuse_unknown(layout.scenario)
-        # It loads numba, which takes a second. Who does no harvest needs none of it.
+        # It loads numba, which takes a second. A program that does no harvest needs none of it.
         from orchard.event_model.harvest import EventHarvest
 
         self.layout = layout if rows_each is None else picked_again(layout, rows_each)

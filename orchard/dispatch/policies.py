@@ -29,6 +29,7 @@ _CLASSES: list[type[Dispatch]] = [
     Rolling,
     GlobalAssignment,
 ]
+# Name in a scenario -> class.
 POLICIES = MappingProxyType(dict(zip(DISPATCH_POLICIES, _CLASSES, strict=True)))
 # No table of docs/bounds.md recommends them. They work until 2.0.
 LEAVING = ("farthest-first", "longest-waiting", "assignment")

@@ -1,8 +1,8 @@
 """Dispatch policies: which carrier fetches which bin, and when it leaves.
 
-A policy is pure: `assign` decides from reports and its own memory alone. With `nearest` each full
-bin asks all carriers and decides for itself. With any other policy the agent `dispatch` gathers the
-reports of all bins and carriers, and decides for all.
+A policy decides which carrier fetches which bin. It is pure: `assign` decides from reports and its
+own memory alone. With `nearest` each full bin asks all carriers and decides for itself. With any
+other policy the agent `dispatch` gathers the reports of all bins and carriers, and decides for all.
 """
 
 from collections.abc import Sequence
@@ -24,24 +24,24 @@ class BinReport(msgspec.Struct, frozen=True):
     #: The picker that waits there for an empty bin, or that still fills this one.
     picker: str
     since: int  #: tick at which it began to call
-    #: By road from the queue's head to its lane.
+    #: m, by road from the queue's head to its lane.
     metres: float
-    #: Estimated time until it stands full in the lane; 0 once it does.
+    #: s, estimated, until it stands full in the lane; 0 once it does.
     seconds_to_full: float = 0.0
-    #: From a carrier's departure at the queue's head until it can stand at the lane, without
+    #: s, from a carrier's departure at the queue's head until it can stand at the lane, without
     #: traffic.
     seconds_to_reach: float = 0.0
 
 
 class CarrierReport(msgspec.Struct, frozen=True):
-    """A carrier."""
+    """A carrier, as the dispatcher hears of it."""
 
     name: str
     #: The full bin that it fetches; '' while it waits in the queue.
     job: str
     #: Whether it can leave now: it waits, and no carrier of its line stands before it.
     is_next: bool
-    #: By road from its place to the queue's head.
+    #: m, by road from its place to the queue's head.
     metres: float
 
 

@@ -1,6 +1,7 @@
 """The dispatch policies that rank the bins.
 
-The first of those that are due gets the next free carrier. docs/bounds.md compares them.
+A bin is "due" if a carrier may leave for it now. The first of those that are due gets the next free
+carrier. docs/bounds.md compares the policies.
 """
 
 from collections.abc import Sequence
@@ -21,7 +22,7 @@ class Ranking:
     The first one gets the free carrier that is nearest to the queue's head, and so on.
     """
 
-    # Empty.
+    # It remembers nothing.
     Memory: type = dict
 
     def __init__(self, layout: Layout) -> None:
@@ -39,6 +40,7 @@ class Ranking:
         self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: Any
     ) -> list[Assignment]:
         """Return the decisions as `Dispatch.assign` does."""
+        # There may be more bins than carriers, or more carriers than bins.
         pairs = zip(self.due(bins, memory), free_carriers(carriers), strict=False)
         return [Assignment(report.name, carrier.name) for report, carrier in pairs]
 
@@ -92,7 +94,7 @@ class PredictiveMemory(msgspec.Struct):
     def note(self, now: int, report: BinReport) -> None:
         """Take the estimate of a bin that still fills.
 
-        A full bin keeps its last one; without one it has just become full.
+        A full bin keeps its last estimate. Without one of this call it has just become full.
         """
         if report.seconds_to_full > 0.0 or self.full.get(report.name, -1) < report.since:
             self.full[report.name] = now + round(report.seconds_to_full / TIME_STEP)
@@ -101,7 +103,7 @@ class PredictiveMemory(msgspec.Struct):
 class Predictive(Ranking):
     """A carrier leaves so that it arrives when the picker is done.
 
-    The bin for which it is latest comes first. Ties by name.
+    The bin for which a carrier should have left first comes first. Ties by name.
     """
 
     Memory: type = PredictiveMemory

@@ -1,6 +1,11 @@
 """The dispatch policy `rolling`: before it sends a carrier, it does the next jobs of all pickers in
 advance, for each bin to choose from.
 
+Terms: a "plan" is such a computation (`RollOut` of rollout.py): who gets which bin, and how long it
+takes. The "course" of a job is what its picker and its carrier do, tick by tick (`JobCourse`). Bins
+of a picker are numbered from 0, in the order in which it fills them. A plan takes as long as it
+takes until all planned bins are home: in the queue, after the bay.
+
 It knows the orchard, the plans of robots, and what bins and carriers report. Where no choice gains
 enough it decides as `predictive`. So it does on a route of the user's own, with many pickers, and
 in the long run, in which pickers pick their rows again: there it gained 0.2 %.
@@ -18,17 +23,20 @@ from orchard.field.kinds import number_of
 from orchard.field.layout import Layout
 from orchard.plans.routes import ROUTES
 
-# Bins of each picker, from the one with fewest on, that are planned: none is left out for longer.
+# The figures up to WAIT are chosen; docs/bounds.md tells what the policy gains with them.
+
+# Bins of each picker that are planned, from that of the picker on that has filled fewest. So a
+# picker that is far ahead waits, and none is left out for longer.
 AHEAD = 4
-# Ticks by which a plan must be better than that of `predictive`.
+# Ticks by which a plan must be shorter than that with the choice of `predictive`, to be taken.
 GAIN = 25.0
 # The same if all bins get a carrier at once: then the choice is only which one leaves first.
 GAIN_OF_ORDER = 100.0
-# Ticks of a plan's length for each tick that a picker waits.
+# By how many ticks a plan counts as longer for each tick that a picker waits.
 WAIT = 0.02
-# Bins, the latest ones, that may be first.
+# Bins that are compared: the first ones by the rank of `predictive`.
 MOST = 5
-# Pickers of which a decision takes 30 ms; of 50, it takes a second, and gains 1 %.
+# With so many pickers a decision takes 30 ms. With 50 it takes a second, and gains 1 %.
 MOST_PICKERS = 20
 
 
@@ -53,22 +61,23 @@ class Trip(NamedTuple):
 class RollingMemory(PredictiveMemory):
     """When bins are full, and what was decided."""
 
-    # Carrier under way -> its trip.
+    # Carrier that was sent -> its trip, until it is back and free.
     trips: dict[str, Trip] = {}
-    # Picker -> the bin after the one to which a carrier was sent, if roads are free.
+    # Picker -> the bin after the one for which a carrier was sent; when it is full, if roads are
+    # free.
     after: dict[str, NextBin] = {}
 
 
 class Rolling(Predictive):
-    """Of the bins for which it is time, the one with which the next bins of all pickers are home
-    first. Ties as `predictive`.
+    """Of the bins that are due, a carrier leaves for the one with which the next bins of all
+    pickers are home first. Ties as `predictive`.
     """
 
     Memory: type = RollingMemory
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
-        # Carrier -> its line of the queue.
+        # Carrier -> its line of the queue, from 0.
         self.lines = {}
         for start in layout.starts:
             if start.kind == "carrier":
@@ -78,7 +87,8 @@ class Rolling(Predictive):
     def courses(self) -> dict[str, list[JobCourse]]:
         """Picker -> the courses of its jobs; none where it decides as `predictive`.
 
-        They take half of a second, and a limit without traffic needs a policy that never decides.
+        They are computed when they are first needed: that takes half of a second, and for the bound
+        without traffic (orchard/report/bounds.py) a policy is made that never decides.
         """
         is_known = self.layout.scenario.route in ROUTES and not self.layout.is_picked_again
         plans = is_known and len(self.layout.blocks) <= MOST_PICKERS
@@ -115,9 +125,9 @@ class Rolling(Predictive):
         return self.orders(now, due, free, reported, memory)
 
     def reported(self, bins: Sequence[BinReport], memory: RollingMemory) -> dict[str, NextBin]:
-        """Return the bin of each picker that reports.
+        """Return the bin of each picker that reports, by the lane and side of the report.
 
-        One that is not expected there is left out.
+        A report of a bin that is not expected there is left out.
         """
         reported = dict[str, NextBin]()
         expected = self.starts | memory.after
@@ -125,7 +135,7 @@ class Rolling(Predictive):
             courses = self.courses.get(report.picker, [])
             if not courses:
                 continue
-            # The bin before reports again if its carrier does not come.
+            # The bin before the expected one reports again if its carrier does not come.
             first = max(0, expected[report.picker].number - 1)
             for number in range(first, len(courses)):
                 job = courses[number].job
@@ -144,6 +154,7 @@ class Rolling(Predictive):
         memory: RollingMemory,
     ) -> list[Assignment]:
         """Send each free carrier for the bin that is best, and remember it."""
+        # A carrier that is free has done its trip.
         for carrier in free:
             memory.trips.pop(carrier.name, None)
         plan = self.plan(now, reported, memory)
@@ -152,6 +163,7 @@ class Rolling(Predictive):
         for carrier in free[: len(due)]:
             line = self.lines[carrier.name]
             best = self.best(due, line, plan)
+            # `due` is a list of this decision, and not the caller's.
             due.remove(best)
             orders.append(Assignment(best.name, carrier.name))
             plan.send(best.picker, line, now)
@@ -175,6 +187,7 @@ class Rolling(Predictive):
         """
         expected = self.starts | memory.after | reported
         plan = RollOut(self.courses, self.lines.values(), now, self.ends(expected))
+        # First the trips whose picker has gone on to a later bin.
         for carrier, trip in memory.trips.items():
             if trip.bin.number < expected[trip.picker].number:
                 plan.come_out(trip.picker, trip.bin.number, trip.bin.stop)
@@ -188,7 +201,8 @@ class Rolling(Predictive):
         return plan
 
     def ends(self, expected: Mapping[str, NextBin]) -> dict[str, int]:
-        """Return how many bins of each picker are planned."""
+        """Return of each picker the number of its first bin that is not planned."""
+        # Picker -> how many bins it fills in all.
         total = {}
         for picker, courses in self.courses.items():
             total[picker] = len(courses)
@@ -200,15 +214,16 @@ class Rolling(Predictive):
         return {picker: min(level, total[picker]) for picker in total}
 
     def best(self, due: Sequence[BinReport], line: int, plan: RollOut) -> BinReport:
-        """Return the bin for which the next carrier of a line leaves: none of a picker that is far
-        ahead of another one.
+        """Return the bin for which the next carrier of a line leaves.
+
+        A bin of a picker that is far ahead of another one is chosen only if there is no other one.
         """
         behind = [
             report for report in due if plan.number[report.picker] < plan.ends[report.picker]
         ] or due
         if len(behind) == 1:
             return behind[0]
-        # The first one is the choice of `predictive`.
+        # The first bin is the choice of `predictive`. Any other one must be better by `gain`.
         values = [self.value(behind[0], line, plan)]
         gain = GAIN if plan.home.total() < len(due) else GAIN_OF_ORDER
         for report in behind[1:MOST]:

@@ -1,9 +1,14 @@
 """A roll-out: the next jobs of all pickers, done in advance by a rule.
 
-The policy `rolling` compares what comes of its choices.
+The policy `rolling` (rolling.py) makes one for each of its choices, and compares how long they
+take.
 
 It is a small event-driven model: robots follow the courses of their jobs, and wait in line for each
-place on the roads, and for the bay.
+place on the roads, and for the bay. A job is an exchange of bins: its picker leaves a full bin, and
+a carrier brings an empty one and takes the full one to the bay (`TimedJob` of
+orchard/plans/jobs.py). Tick 0 of a job's course is the tick at which its carrier stops at the lane,
+if nothing holds it up. Places are named by strings; besides those of the roads there are "bay", and
+"PICKER is out", which a carrier can have once the picker has left its row.
 """
 
 from collections import Counter
@@ -22,16 +27,16 @@ from orchard.field.queue import CLOSED_UP
 from orchard.field.scenario import TIME_STEP
 from orchard.plans.jobs import TimedJob, Use, jobs_of
 
-# Ticks from a decision until the carrier leaves, on average.
+# Ticks from a decision until the carrier leaves, on average: the letters in between.
 ORDERED = 12
-# Ticks after which the carrier behind can leave.
+# Ticks after a carrier is out of its line until the one behind it can leave.
 MOVING_UP = 10
 # m from a carrier that leaves the bay to the next one, which is behind its bin, and drives on a few
 # ticks later.
 HEADWAY = CLOSED_UP + 0.4
-# Ticks.
+# Ticks by which a carrier leaves earlier than it must, as with `predictive`.
 EARLY = round(MARGIN / TIME_STEP)
-# In place of a line: a picker.
+# In place of a line of the queue: the robot is a picker.
 AWAY = -1
 
 
@@ -55,9 +60,10 @@ class What(Enum):
 class CourseEvent(NamedTuple):
     """Something that a robot does."""
 
-    # 0: the carrier's stop at the lane.
+    # From the carrier's stop at the lane on; negative before it.
     tick: int
     what: What
+    # For RELEASE, MEET and CLAIM; else ''.
     place: str = ""
 
 
@@ -69,12 +75,15 @@ class JobCourse:
 
     def __init__(self, job: TimedJob, headway: int, bays: int) -> None:
         """`headway`: ticks from a carrier that leaves the bay to the next one there. `bays`: how
-        many carriers unload at a time; one after the other, each takes its part of the time here.
+        many carriers unload at a time. The roll-out has one bay for one carrier: with two bays a
+        carrier has it for half of the time of unloading.
         """
         is_out = f"{job.picker} is out"
         lane = f"{job.side}/D/{job.lane}"
         crossing = _events(job.crossings)
         way = _events(job.way)
+        # Ticks at which the picker has all that it needs to cross the roads, and at which the
+        # carrier has the place of the lane.
         crossed = max(event.tick for event in crossing if event.what is What.CLAIM)
         stop = min(event.tick for event in way if event.place == lane)
         exchange = [
@@ -95,7 +104,7 @@ class JobCourse:
 
 
 def _events(uses: Sequence[Use]) -> list[CourseEvent]:
-    """Return that places are claimed, and then that they are given back."""
+    """Return the events of some uses of places: all claims, and then all releases."""
     claims = []
     releases = []
     for use in uses:
@@ -106,14 +115,14 @@ def _events(uses: Sequence[Use]) -> list[CourseEvent]:
 
 
 def _in_order(events: Sequence[CourseEvent]) -> list[CourseEvent]:
-    """Return events by their ticks. At one tick places are given back first."""
+    """Return events by their ticks, and at one tick by the order of `What`: releases come first."""
     return sorted(events, key=lambda event: (event.tick, event.what.value))
 
 
 def courses_of(layout: Layout) -> dict[str, list[JobCourse]]:
     """Return the courses of each picker's jobs, with rows that are all picked at the mean speed.
 
-    They are the same ones for all seeds.
+    So they do not depend on the seed, and are kept for a geometry.
     """
     return _courses_of(Geometry.of(layout))
 
@@ -146,8 +155,9 @@ class RobotUnderWay(NamedTuple):
 class RollOut:
     """All robots from a tick on.
 
-    The rule: a carrier at the head of its line leaves for the bin for which it is latest, of those
-    for which it is time.
+    `come_out`, `send` and `go_on` set what is known; `run` then does the jobs. The rule: a carrier
+    at the head of its line leaves for the bin for which it is latest, of those for which it is
+    time.
     """
 
     def __init__(
@@ -169,22 +179,24 @@ class RollOut:
         self.begun = list[int]()
         # Of each robot, how many events of its course are over.
         self.done = list[int]()
-        # A heap of what goes on next: the tick, and the number of a robot from 0; or, below 0, a
-        # line from which a carrier may leave then (`_look`).
+        # A heap of what goes on next: the tick, and a number. From 0 on it is the index of a robot
+        # in `robots`. Below 0 it is a line of the queue, less the number of lines: a carrier may
+        # leave it then (`_look`). So at one tick lines come first, in their order.
         self.next = list[tuple[int, int]]()
         # Place -> the robots that wait for it. A place without a key is free.
         self.taken = dict[str, list[int]]()
         # Picker that needs a carrier -> tick from which on one can stop there.
         self.wanted = dict[str, int]()
-        # Picker -> its bin with which it came out last.
+        # Picker -> the number of its bin with which it came out last; -1: none yet.
         self.number = dict.fromkeys(courses, -1)
-        # Line -> how many carriers are in it.
+        # Line -> how many carriers are in it. Lines are numbered from 0.
         self.home = Counter(lines)
         # Line -> whether the first of them can leave.
         self.is_open = dict.fromkeys(self.home, True)
         # Tick at which the last carrier is home.
         self.end = 0
-        # Ticks for which pickers wait, all together.
+        # Ticks for which pickers wait, all together. For each wait its first tick is subtracted
+        # (`send`), and its last one added (`_stop`).
         self.waited = 0
 
     def fork(self) -> "RollOut":
@@ -213,7 +225,8 @@ class RollOut:
         number = self.number[picker]
         job_course = self.courses[picker][number]
         approach, _ = job_course.job.exits[line]
-        # The picker waits from the tick at which a carrier can stop, up to that at which one does.
+        # The picker waits from the tick at which a carrier can stop, up to that at which one does:
+        # `_stop` adds that one.
         self.waited -= self.wanted.pop(picker)
         self.home[line] -= 1
         self.is_open[line] = False
@@ -221,7 +234,10 @@ class RollOut:
         self._begin(robot, tick + ORDERED + approach)
 
     def go_on(self, free: Collection[int]) -> None:
-        """Let carriers leave from now on. `free`: the lines in which the first one can leave."""
+        """Let carriers leave from now on, and count the length and the waits from now on.
+
+        `free`: the lines in which the first one can leave.
+        """
         for line in self.home:
             self.is_open[line] |= line in free
             self._look(self.now, line)
@@ -273,7 +289,10 @@ class RollOut:
         return bool(self.next) and self.next[0][0] <= tick
 
     def _get(self, place: str, number: int) -> bool:
-        """Give a place to a robot if it is free; else let the robot wait for it. Return which."""
+        """Give a place to a robot if it is free; else let the robot wait for it.
+
+        Return whether it got the place.
+        """
         waiting = self.taken.get(place)
         if waiting is None:
             self.taken[place] = []
@@ -300,6 +319,7 @@ class RollOut:
             self.taken.pop(place, None)
             return
         number = waiting.pop(0)
+        # The event that was done last: the robot waited in it.
         claim = self.robots[number].course[self.done[number] - 1]
         self.begun[number] = tick - claim.tick
         heappush(self.next, (tick, number))
@@ -309,6 +329,7 @@ class RollOut:
         self.waited += tick
         picker = robot.picker
         following = robot.number + 1
+        # The next bin is planned, and the picker has not come out with it already.
         if self.number[picker] < following < self.ends[picker]:
             job = self.courses[picker][robot.number].job
             job_after = self.courses[picker][following].job

@@ -1,4 +1,6 @@
-"""The harvest of the event model that goes on from a snapshot of a run."""
+"""The harvest of the event model that goes on from a snapshot of a run: what the futures of a fork
+and the forecast of a run's end begin with.
+"""
 
 from typing import TYPE_CHECKING
 
@@ -30,7 +32,7 @@ def is_built_in(scenario: Scenario) -> bool:
 def harvest_from(snapshot: Snapshot) -> "EventHarvest | None":
     """Return the harvest that goes on from a snapshot. Its ticks are those of the run.
 
-    It is done by plain Python while the machine is not compiled, so it waits for no compiler.
+    Plain Python does it while the event model is not compiled, so it waits for no compiler.
 
     None if the event model cannot go on from it, or if agents are lost or left to clients
     elsewhere. Raises SnapshotError.

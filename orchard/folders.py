@@ -13,9 +13,10 @@ from pathlib import Path
 import platformdirs
 
 RUNS = "ORCHARD_RUNS"  # environment variable: another folder of runs
-ABOVE = Path(__file__).parents[
-    1
-]  # of a clone: its top level; of an installed package: a folder of many packages
+_HERE = Path(__file__).parent
+# The folder that the package is in: of a clone its top level; of an installed package a folder of
+# many packages.
+ABOVE = _HERE.parent
 
 
 def runs_folder(above: Path = ABOVE) -> Path:
@@ -56,9 +57,9 @@ def real(path: Path) -> Path:
 
 @contextmanager
 def named(path: Path) -> Iterator[None]:
-    """In this context a file or a folder is written. An OSError has its path.
+    """In this context a file or a folder is written. An OSError that is raised there gets its path.
 
-    That of a full disk has none, and would be told without the place.
+    The error of a full disk has none, and the user would not learn which disk that is.
     """
     try:
         yield
@@ -87,15 +88,16 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def half_written(folder: Path, name: str) -> list[Path]:
-    """Return what `write_whole` has left in a folder where a kill has ended it.
+    """Return the files that `write_whole` has left in a folder when a kill ended it in the middle.
 
-    `name`: a regular expression for the names of the whole files. Files of others stay.
+    `name`: a regular expression for the names of the whole files. Other files are left out: they
+    may be of other programs.
     """
     left = re.compile(rf"\.(?:{name})\.\d+\.new")
     return [path for path in folder.glob(".*.new") if left.fullmatch(path.name)]
 
 
 def newest_path(paths: Iterable[Path]) -> Path | None:
-    """Return the path that was changed last; None without any. What has gone does not count."""
+    """Return the path that was changed last; None without any. Paths that are gone do not count."""
     there = [path for path in paths if path.exists()]
     return max(there, key=lambda path: path.stat().st_mtime, default=None)

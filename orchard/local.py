@@ -135,6 +135,7 @@ class Local:
         self._played.add(name)
         self.engine.wake([name])
         memory = self.memories.pop(name, None)
+        # The memory of another class of agent may not fit: then this one begins without.
         with suppress(ValueError):
             self.memories[name] = unpack(pack(memory), self.agents[name].Memory)
 
@@ -173,8 +174,8 @@ class Local:
     def tick(self) -> list[Event]:
         """Advance the run by one tick, 0.1 s, and return the events of the step.
 
-        Raises RuntimeError if the run has `ended`, not harvested, and nothing has gone on for as
-        long again as makes a jam. To go on all the same, call `act(ask())`.
+        Raises RuntimeError if the run has `ended` without being harvested, and nothing has gone on
+        for twice the time after which a run is jammed. To go on all the same, call `act(ask())`.
         """
         if self._figures.stuck(self.engine.world):
             self._refuse_to_wait()

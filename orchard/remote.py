@@ -1,7 +1,9 @@
 """Drive a robot with your own agent, in a run of other processes.
 
-with connect("tcp/127.0.0.1:7447") as orchard:
-    orchard.play("picker_01", MyAgent())
+    with connect("tcp/127.0.0.1:7447") as orchard:
+        orchard.play("picker_01", MyAgent())
+
+The agent runs in this process. `orchard.net` sends it what it observes, and physics its actions.
 """
 
 from collections.abc import Iterator

@@ -66,7 +66,8 @@ def memories_in(snapshot: Snapshot, agents: Mapping[str, Guard]) -> dict[str, An
 def without_players(snapshot: Snapshot, players: Collection[str]) -> Snapshot:
     """Return a snapshot from which a fork begins: own agents are left behind.
 
-    `players`: their names. What was changed may end a jam, so the fork has its own ten minutes.
+    `players`: their names. What was changed may end a jam, so the fork counts anew for how long
+    nothing goes on: the figures of the harvest, which count that, are left out.
     """
     memories = {name: known for name, known in snapshot.memories.items() if name not in players}
     figures = {key: known for key, known in snapshot.figures.items() if key != "harvest"}

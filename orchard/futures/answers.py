@@ -1,4 +1,7 @@
-"""What `orchard fork` does with futures: it lives them, prints and writes what they give."""
+"""What `orchard fork` does with futures: it lives them, prints and writes what they give.
+
+The terms are in the head of the package.
+"""
 
 from orchard.field.problems import ScenarioError
 from orchard.futures.bisection import bisect_futures

@@ -30,8 +30,8 @@ from orchard.study.words import interval_words
 from orchard.terminal.output import console, print_error, print_line, table
 from orchard.terminal.values import clock
 
-MOST_MOMENTS = 12  # from which futures begin, before the last good one is searched for
-NEAR = TICKS_PER_SECOND  # ticks, to which it is found
+MOST_MOMENTS = 12  # whose futures are lived first; the search then goes on between two of them
+NEAR = TICKS_PER_SECOND  # ticks: the search ends when the good and the bad moment are so near
 MINUTE = 60 * TICKS_PER_SECOND  # ticks
 EXPECTED = (
     "expected jam, collision, or a figure of the summary that is too small or too large, "
@@ -41,12 +41,15 @@ _CONDITION = re.compile(r"([a-z_]+)([<>])(\d+(?:\.\d+)?)")
 
 
 class Bisection:
-    """The search for the last moment from which some future ends well."""
+    """The search for the last moment from which some future ends well.
+
+    A moment is good if one of its futures at least ends well, and bad if none does.
+    """
 
     def __init__(
         self, live_at: Callable[[int], Sequence[Future]], ends_badly: Callable[[Future], bool]
     ) -> None:
-        """`live_at`: returns the futures of a moment, none if nothing can be changed there."""
+        """`live_at`: returns the futures of a moment, none if the changes cannot be made there."""
         self._live_at = live_at
         self.ends_badly = ends_badly
         self.lived: dict[int, list[Future]] = {}  # tick of a moment -> its futures
@@ -100,6 +103,7 @@ def bisect_futures(chosen: ForkOptions, folder: Path, futures: Futures) -> dict[
     SnapshotError, ScenarioError or ValueError.
     """
     condition = chosen.bisect or ""
+    # Ticks.
     moments = _first_moments(folder, chosen.at)
     ends_badly = badly(condition, _figures_at(folder, moments[0]))
 
@@ -160,7 +164,7 @@ def expected_search(
             raise _NotKnownError
         return known
 
-    # Several processes would else compile it, each for itself.
+    # The model is compiled here, because else each of the processes would compile it for itself.
     get_ready(check(begun.scenario) for begun in begun_at(moments[0])[:1])
     bisection = Bisection(expected_at, ends_badly)
     try:
@@ -208,6 +212,7 @@ def _first_moments(folder: Path, last: int | None) -> list[int]:
     if not known:
         # There is no keyframe: the code that reads one says so.
         return [0]
+    # Rounded up, so that there are at most MOST_MOMENTS.
     step = -(-len(known) // MOST_MOMENTS)
     return sorted({*known[::step], known[-1]})
 
@@ -252,8 +257,16 @@ def _begun(chosen: ForkOptions, moment: Snapshot, futures: Futures) -> list[Snap
 
 def _lived_together(begun: dict[int, list[Snapshot]], futures: Futures) -> dict[int, list[Future]]:
     """Live the futures of several moments side by side. Return them by tick."""
-    lived = iter(futures.live([first for of_moment in begun.values() for first in of_moment]))
-    return {tick: [next(lived) for _ in of_moment] for tick, of_moment in begun.items()}
+    first_moments: list[Snapshot] = []
+    for of_moment in begun.values():
+        first_moments += of_moment
+    # In the order of their first moments.
+    lived = futures.live(first_moments)
+    by_tick = {}
+    for tick, of_moment in begun.items():
+        by_tick[tick] = lived[: len(of_moment)]
+        lived = lived[len(of_moment) :]
+    return by_tick
 
 
 def decision_words(condition: str, bisection: Bisection) -> str:

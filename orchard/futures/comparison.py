@@ -67,7 +67,10 @@ def _expected(chosen: ForkOptions, begun: Sequence[Snapshot], futures: Futures) 
 
 
 def _by_branch(names: Sequence[str], futures: Sequence[Future]) -> dict[str, list[Future]]:
-    """Return the futures of each branch, by its name; nothing without futures."""
+    """Return the futures of each branch, by its name; nothing without futures.
+
+    `futures`: branch by branch, equally many of each.
+    """
     count = len(futures) // len(names)
     of_branch = {}
     for number, name in enumerate(names):

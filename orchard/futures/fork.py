@@ -1,4 +1,8 @@
-"""A fork: a run that goes on from a moment of another one, with changes."""
+"""A fork: a run that goes on from a moment of another one, with changes.
+
+`orchard.fork` makes its first snapshot; here is what the command line adds: it finds the moment,
+and reads the changes.
+"""
 
 import uuid
 from collections.abc import Mapping
@@ -25,7 +29,7 @@ def beginning_of_fork(chosen: ForkOptions, runs: RunFolder) -> Beginning:
     """
     folder = runs.snapshots(chosen.run, KEYFRAME)
     moment = snapshot_at(folder, chosen.at or 0, print_error)
-    _say_who_is_left_behind(moment, chosen.without or [])
+    _say_which_are_left_behind(moment, chosen.without or [])
     with as_typed():
         changes = changes_of(chosen, check(moment.scenario))
         fork = forked(moment, changes, chosen.stop or [])
@@ -36,8 +40,8 @@ def beginning_of_fork(chosen: ForkOptions, runs: RunFolder) -> Beginning:
     return Beginning(check(fork.scenario, "the snapshot's scenario"), fork, parent)
 
 
-def _say_who_is_left_behind(moment: Snapshot, without: list[str]) -> None:
-    """Say which robots clients drove that the fork does not wait for.
+def _say_which_are_left_behind(moment: Snapshot, without: list[str]) -> None:
+    """Say which robots were driven by clients elsewhere, if the fork does not wait for these.
 
     `without`: agents that are left to clients, by name or kind.
     """

@@ -29,7 +29,7 @@ from orchard.terminal.exits import FAILED
 from orchard.terminal.output import print_error
 
 Result = TypeVar("Result")
-# What is done with a future: its number and its first moment are given.
+# What is done with a future, of which it gets the number and the first moment.
 Work = Callable[[tuple[int, Snapshot]], Result]
 
 CONFIDENCE = 0.95
@@ -78,7 +78,9 @@ class Futures:
     def of(self, moment: Snapshot, *branches: Branch) -> list[Snapshot]:
         """Return the first moments of all futures, branch by branch on the same seeds.
 
-        Raises ScenarioError for what cannot change, SnapshotError for a run that nothing ends.
+        The futures of one number have the same seed in all branches, so that they can be compared
+        in pairs. Raises ScenarioError for what cannot change, SnapshotError for a run that nothing
+        ends.
         """
         begun: list[Snapshot] = []
         seeds = self._seeds(moment, branches)
@@ -95,6 +97,7 @@ class Futures:
         scenario = check(moment.scenario)
         for branch in branches:
             if Setting({}, with_changes(scenario, **branch.changes)).is_random:
+                # Shares of 1 as whole numbers: a float holds 53 bits.
                 shares = [draw(scenario.seed, "future", number)[0] for number in range(self._count)]
                 return [int(share * 2**53) for share in shares]
         return [scenario.seed]

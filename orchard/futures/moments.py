@@ -16,11 +16,15 @@ Future = dict[str, Any]  # the figures of its summary, and why it `ended`
 
 
 class WatchedRun:
-    """A run in local mode with its figures, from a snapshot on."""
+    """A run in local mode with its figures, from a snapshot on.
+
+    `RunFigures` are those that the physics process keeps of a run: so the summary is the same.
+    """
 
     def __init__(self, snapshot: Snapshot, is_hashed: bool = True) -> None:
         """Raises SnapshotError."""
         self.local = Local.resume(snapshot, is_hashed=is_hashed)
+        # No wall clock counts here, so it stands still.
         self.figures = RunFigures(self.local.engine, lambda: 0.0, snapshot.figures)
         self._before = snapshot
 
@@ -54,8 +58,8 @@ class WatchedRun:
 def live(until: float, job: tuple[int, Snapshot]) -> Future:
     """Return what a future gives that is over at a tick `until` at the latest.
 
-    `job`: its number, and its first moment. It stands here for the processes that live futures:
-    they load nothing else.
+    `job`: its number, and its first moment. This function stands in this module so that the
+    processes that live futures load nothing else.
     """
     _, first_moment = job
     run = WatchedRun(first_moment, is_hashed=False)
@@ -81,6 +85,7 @@ def snapshot_at(folder: Path, tick: int, say: Say) -> Snapshot:
     begin = newest(folder, refused, examine=examine, until=tick)
     for reason in refused:
         say(f"not used: {reason}")
+    # A fork without changes: agents that clients drove elsewhere are those of the scenario again.
     run = WatchedRun(forked(begin, {}))
     run.go_on(tick)
     if run.tick < tick:
@@ -100,8 +105,9 @@ def snapshot_at(folder: Path, tick: int, say: Say) -> Snapshot:
 def _goes_the_same_way(run: WatchedRun, later: int, folder: Path) -> bool:
     """Whether a run that is run again comes to the state that was kept at a later tick.
 
-    `later`: the tick of the next snapshot, or the run's own tick if none follows. Without a later
-    one that can be used, nothing tells another way.
+    `later`: the tick of the next snapshot, or the run's own tick if none follows. The run is
+    changed: it goes on to that tick. If no later snapshot can be used, nothing shows a difference,
+    and this returns True.
     """
     if later <= run.tick:
         return True

@@ -25,7 +25,7 @@ from orchard.contract.guard import Guard
 from orchard.contract.mail import LocalMail, digest_of
 from orchard.contract.messages import pack, unpack
 from orchard.field.scenario import TIME_STEP, Scenario
-from orchard.fork import forked
+from orchard.fork.forked import forked
 from orchard.report.ending import jam_of, why_over
 from orchard.report.metrics import HarvestFigures
 from orchard.report.plan import present_plan

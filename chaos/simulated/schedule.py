@@ -30,7 +30,7 @@ from chaos.simulated.tables import grown
 from orchard.field.geometry import STILL
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import TIME_STEP, Scenario
-from orchard.fork import forked
+from orchard.fork.forked import forked
 from orchard.launch.hosts import start_hosts
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest, agent_names

@@ -19,7 +19,7 @@ from typing import Any
 
 from orchard.discrete.harvest import get_ready
 from orchard.field.scenario import TICKS_PER_SECOND, check
-from orchard.fork import NotNow
+from orchard.fork.changes import NotNow
 from orchard.futures.forecasts import FORECAST, can_forecast
 from orchard.futures.fork import changes_of
 from orchard.futures.futures import SHOWN, Branch, Futures, mean_of, well_ended

@@ -10,7 +10,7 @@ from typing import Any
 
 from orchard.field.kinds import kind_of
 from orchard.field.scenario import TICKS_PER_SECOND, Scenario, check
-from orchard.fork import forked
+from orchard.fork.forked import forked
 from orchard.futures.moments import snapshot_at
 from orchard.futures.options import ForkOptions
 from orchard.launch.beginning import Beginning, check_end

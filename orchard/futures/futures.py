@@ -13,7 +13,7 @@ from rich.progress import Progress
 
 from orchard.field.repeatable import draw
 from orchard.field.scenario import check, with_changes
-from orchard.fork import forked
+from orchard.fork.forked import forked
 from orchard.futures.forecasts import forecast
 from orchard.futures.moments import Future, live
 from orchard.futures.options import ForkOptions

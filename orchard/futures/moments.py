@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from orchard.fork import forked
+from orchard.fork.forked import forked
 from orchard.local import Local
 from orchard.server.figures import RunFigures
 from orchard.server.snapshots import examine

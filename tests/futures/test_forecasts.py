@@ -4,7 +4,7 @@ import pytest
 from quiet import NOBODY
 
 from orchard.field.scenario import Scenario
-from orchard.fork import forked
+from orchard.fork.forked import forked
 from orchard.futures.bisection import Bisection, badly, confirmed_search, expected_search
 from orchard.futures.forecasts import forecast
 from orchard.futures.moments import live

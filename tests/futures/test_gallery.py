@@ -9,7 +9,7 @@ from code_blocks import ROOT, block
 from stage import Stage
 
 from orchard.field.scenario import Scenario, parse
-from orchard.fork import forked
+from orchard.fork.forked import forked
 from orchard.futures.bisection import NEAR
 from orchard.futures.moments import WatchedRun
 from orchard.local import Local

@@ -12,7 +12,7 @@ from stage import empty_orchard
 from orchard.contract.agent import Action
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import with_changes
-from orchard.fork import forked
+from orchard.fork.forked import forked
 from orchard.futures.moments import WatchedRun
 from orchard.local import Local
 from orchard.report.metrics import collisions

@@ -1,110 +1,18 @@
 """The arrays of the event model and their columns: a program, which is constant, and the state of a
 harvest.
 
-Lengths are in m, speeds in m/s, ticks and times as in `codes`, which has the numbers that stand
-for something.
+Lengths are in m, speeds in m/s, ticks and times as in `codes`, which has the numbers that stand for
+something. Robots (pickers and carriers) and bins are numbered in the order of their names. An op, a
+list of places, a line, a pass or an end of a lane is numbered by its row in its array. A lane has
+two ends: 2 * (row - 1) is its east end, and the next number its west end. A comment stands above
+the columns that it is about; "of a drive" means that only rows of drives have them.
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
-OP = np.dtype(
-    [
-        ("kind", np.int64),
-        # Of a drive: where it ends, along its line's direction.
-        ("target", np.float64),
-        # Of a drive on free roads; of BEGIN_ROW: how far the picker drives before it picks.
-        ("metres", np.float64),
-        # Of a drive; 0: that at which the row is picked.
-        ("speed", np.float64),
-        # Of BEGIN_ROW: from the last fruit to a full bin at the furthest row's end, s.
-        ("seconds", np.float64),
-        # Of a drive.
-        ("line", np.int64),
-        ("first_need", np.int64),
-        ("last_need", np.int64),
-        ("first_free", np.int64),
-        ("last_free", np.int64),
-        # For which it lasts on free roads, beside a drive. Of HAUL: while the drive after it lasts.
-        ("ticks", np.int64),
-        # Of these, in which a bin is coupled or uncoupled.
-        ("handles", np.int64),
-        # The same of a robot that has stood for a tick or more.
-        ("handles_at_rest", np.int64),
-        # Of a turn: after which the bin on the bar is clear of what is behind.
-        ("swings", np.int64),
-        # The list of places that it needs or frees.
-        ("places", np.int64),
-        # Of BEGIN_ROW, END_ROW and LEAVE_BIN: the pass. Of a drive that picks: the row, from 0. Of
-        # HOME and CHARGE: the line of the queue. Of MAY_CHARGE: the op to go on with.
-        ("arg", np.int64),
-        # Of a drive: to stand behind other robots is normal here, and a call ends it.
-        ("is_queueing", np.bool_),
-        # Of a drive to the bay: from where on its carrier, if it is held up, unloads; else far.
-        ("unloads_from", np.float64),
-        # Of a drive: its robot said that it picks.
-        ("picks", np.bool_),
-        # Of a picker's drive along the row in which it will leave its bin, seen by that bin: it
-        # reports up to here, along the line; and, as of BEGIN_ROW, only while the picker drives.
-        ("is_seen", np.bool_),
-        ("tells_to", np.float64),
-        ("tells_on_drive", np.bool_),
-        # Of a drive on which its robot may fail, s: mean times of work up to that, and of the
-        # repair. 0: it does not fail.
-        ("mean_between", np.float64),
-        ("mean_repair", np.float64),
-        # Of a drive: its robot may leave on it.
-        ("may_leave", np.bool_),
-        # Of MAY_CHARGE: the charge, 0 to 1, at which the carrier must charge.
-        ("reserve", np.float64),
-    ],
-    align=True,
-)
-
-GATE = np.dtype(
-    [
-        # Along the direction of the drive's line.
-        ("at", np.float64),
-        ("places", np.int64),
-        # Whether the full bin of the job must have been left before.
-        ("after_bin", np.bool_),
-    ],
-    align=True,
-)
-
-LINE = np.dtype(
-    [
-        # 0: along x, 1: along y.
-        ("axis", np.int64),
-        # Its other coordinate.
-        ("other", np.float64),
-        ("sign", np.float64),
-    ],
-    align=True,
-)
-
-PASS = np.dtype(
-    [
-        # From 0.
-        ("row", np.int64),
-        # The lane's end at which the picker leaves the row.
-        ("end", np.int64),
-        ("metres", np.float64),
-        ("is_full", np.bool_),
-        ("leaves_bin", np.bool_),
-    ],
-    align=True,
-)
-
-LANE_END = np.dtype(
-    [
-        # By road from the queue's first head, and how long that takes, s.
-        ("metres", np.float64),
-        ("seconds", np.float64),
-    ],
-    align=True,
-)
+from orchard.event_model.program_columns import GATE, LANE_END, LINE, OP, PASS
 
 ROBOT = np.dtype(
     [
@@ -116,7 +24,7 @@ ROBOT = np.dtype(
         ("done", np.int64),
         ("x", np.float64),
         ("y", np.float64),
-        # Of its kind.
+        # Of its kind, m: its size, and from its centre back to that of its bin.
         ("length", np.float64),
         ("width", np.float64),
         ("tows", np.float64),
@@ -124,7 +32,9 @@ ROBOT = np.dtype(
         ("roads", np.int64),
         # Tick since which it stands.
         ("stood", np.int64),
-        # -- bins
+        # -- bins: that on its bar. Of a picker: the empty one that it was brought, the carrier that
+        # has brought it, and the full one that it has left. Of a carrier: the empty bin that it
+        # left.
         ("bin", np.int64),
         ("offered", np.int64),
         ("bringer", np.int64),
@@ -134,7 +44,8 @@ ROBOT = np.dtype(
         # Of a carrier: tick of its last question whether the picker has taken the empty bin; in the
         # bay the tick of its first question whether its bin is empty.
         ("asked", np.int64),
-        # -- a carrier's job
+        # -- a carrier's job: its line in the queue (NONE: it is no carrier), the picker that it
+        # goes to, and the full bin that it fetches
         ("queue_line", np.int64),
         ("customer", np.int64),
         ("job_bin", np.int64),
@@ -148,6 +59,8 @@ ROBOT = np.dtype(
         ("is_taken", np.bool_),
         # Ticks by which it hears later that its bin is empty, because it waited in the bay.
         ("hears_later", np.int64),
+        # Whether it could leave when the dispatcher last asked; whether the policy has sent it, and
+        # it has not heard that.
         ("is_ready", np.bool_),
         ("is_booked", np.bool_),
         # How far it was from its line's head when the dispatcher last asked, for the compiled
@@ -198,7 +111,8 @@ ROBOT = np.dtype(
         ("turns", np.int64),
         ("meeting", np.float64),
         ("clear", np.float64),
-        # -- the leg of a drive: it began here at this tick, and was to reach the goal
+        # -- the present leg, a part of a drive: the tick at which it began, where it began, m in a
+        # tick, up to where the robot means to drive, and the robot ahead then
         ("leg_begun", np.int64),
         ("leg_from", np.float64),
         ("leg_stride", np.float64),
@@ -206,7 +120,8 @@ ROBOT = np.dtype(
         ("leg_ahead", np.int64),
         # Tick at which the last leg ended.
         ("leg_ended", np.int64),
-        # -- its line: the robots ahead and behind, and up to where it drives there
+        # -- its line: the robots ahead and behind, and up to where it drives there; whether it has
+        # turned, so that its bin stands across the line
         ("line", np.int64),
         ("ahead", np.int64),
         ("behind", np.int64),
@@ -216,10 +131,12 @@ ROBOT = np.dtype(
         # line.
         ("swings_since", np.int64),
         ("swings_aside", np.bool_),
-        # -- what it waits for, beside its alarm
+        # -- what wakes it, beside its alarm: the robot ahead drives on (NONE: it waits for none),
+        # or places are granted
         ("follows", np.int64),
         ("hears_grants", np.bool_),
-        # -- its claim: the list of places, the partner that may have them
+        # -- its claim: the list of places that it wants (0: none), the partner that may have them;
+        # and both as its last claim told them
         ("wanted", np.int64),
         ("beside", np.int64),
         ("told_wanted", np.int64),
@@ -229,7 +146,8 @@ ROBOT = np.dtype(
         ("due", np.int64),
         # Time at which it hears the answer to its last claim.
         ("answered", np.int64),
-        # -- what it waits for in traffic's table: places, since which tick, the partner
+        # -- its wish in traffic's table: the list of places (0: none), since which tick, the
+        # partner; the list that was granted last, and whether that was just now
         ("wish", np.int64),
         ("wish_since", np.int64),
         ("wish_beside", np.int64),
@@ -283,7 +201,8 @@ BIN = np.dtype(
 
 CALL = np.dtype(
     [
-        # Of a picker's bin; NONE if there is none.
+        # The bin that the picker fills, or has left; NONE if there is none. The lane's end at which
+        # it is left.
         ("bin", np.int64),
         ("end", np.int64),
         # Tick at which it begins to call, and at which it will be full.
@@ -316,6 +235,7 @@ CALL = np.dtype(
         ("is_asked", np.bool_),
         # s until it is full, for a policy in Python.
         ("seconds", np.float64),
+        # The carrier that was chosen for it; NONE: none.
         ("carrier", np.int64),
     ],
     align=True,
@@ -332,15 +252,14 @@ DESK = np.dtype(
         # s before it is full at which a bin begins to report; the mean speed of picking, m/s.
         ("horizon", np.float64),
         ("mean_speed", np.float64),
-        # m/s
+        # Of carriers: m/s; and the rate of turns, as a multiple of the usual one.
         ("carrier_speed", np.float64),
-        # Times the usual rate.
         ("carrier_turning", np.float64),
-        # x at which carriers leave the queue, and of its heads.
+        # x at which carriers leave the queue, its east edge; and x of its heads.
         ("exit", np.float64),
         ("head", np.float64),
-        # Of batteries: how long they last, h, and take to charge, s; the share of the power that
-        # a carrier uses while it stands on its way.
+        # Of batteries: how long they last, h, infinity if they are endless; how long they take to
+        # charge, s; the share of the power that a carrier uses while it stands on its way.
         ("battery_hours", np.float64),
         ("seconds_to_charge", np.float64),
         ("standing", np.float64),

@@ -1,9 +1,9 @@
 """Programs: the step lists that robots follow, translated into ops.
 
-An op is a row of an array, see `columns.OP`. Steps that take no time and change nothing for others
-give no op. Durations stay in the step classes, and rules where they are.
-A program belongs to a geometry: orchards that differ only in the speeds of their rows share one. A
-job is translated when it is first ordered.
+An op is a row of an array, see `program_columns.OP`. Steps that take no time and change nothing for
+others give no op. Durations stay in the step classes, and rules where they are. A program belongs
+to a geometry: orchards that differ only in the speeds of their rows share one. A job is translated
+when it is first ordered.
 """
 
 from functools import singledispatchmethod
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from orchard.event_model import codes as c
-from orchard.event_model import columns
+from orchard.event_model import program_columns
 from orchard.event_model.draws import has_failures
 from orchard.event_model.tables import Lines, PlaceLists, Table
 from orchard.event_model.writer import (
@@ -43,9 +43,10 @@ from orchard.plans.routes import ROUTES, route_of, way_to
 
 # m of rounding.
 ROUNDING = 1e-6
-# Places and lines beside those of lanes: corners, lines of the queue, roads.
+# How many places and lines a program may have. The arrays are as large, so the first three figures
+# are chosen with room to spare. Those beside the lanes: corners, lines of the queue, roads.
 BESIDE_LANES = 128
-# A lane has a place of each road on each side.
+# A lane has a place of each of two roads, on each of its two sides.
 PLACES_PER_LANE = 4
 LINES_PER_LANE = 12
 # A route of the user's own may have so many times as many.
@@ -71,10 +72,10 @@ class Program:
         self._carrier = layout.machines["carrier"]
         self.route: OneWay = route_of(layout)
         lanes = len(layout.lanes)
-        self.ops = Table(columns.OP)
-        self.needs = Table(columns.GATE)
-        self.frees = Table(columns.GATE)
-        self.passes = Table(columns.PASS)
+        self.ops = Table(program_columns.OP)
+        self.needs = Table(program_columns.GATE)
+        self.frees = Table(program_columns.GATE)
+        self.passes = Table(program_columns.PASS)
         # Of each op the step, for a trace; None at the end of a plan.
         self.steps: list[Step | None] = []
         # The first op of a plan -> of each of its steps the op at which it, or what follows it,
@@ -93,18 +94,20 @@ class Program:
         # The lines of the queue in which carriers charge.
         self.charging_lines = range(waiting_lines, len(self.queue_lines))
         self.jobs = np.full((len(self.queue_lines), 2 * lanes), c.NONE)
-        self.ends = np.zeros(2 * lanes, columns.LANE_END).view(np.recarray)
+        self.ends = np.zeros(2 * lanes, program_columns.LANE_END).view(np.recarray)
         for lane in layout.lanes:
             for side in SIDES:
                 metres, seconds = way_to(self.route, lane.number, self.route.sides[side])
                 self.ends[self.end_number(lane.number, side)] = (metres, seconds)
-        # m from each line's head, and whether a route of the user's own measures otherwise behind
-        # it.
+        # (lines of the queue, ends of lanes) m by road, from the head of a line. Behind the head
+        # the way is longer by the distance from it, unless a route of the user's own measures
+        # otherwise.
         self.ways = np.zeros(self.jobs.shape)
         self.has_own_measure = False
         self._measure_ways()
         # s before it is full at which a bin calls, as `forecast.horizon` says.
         self.horizon = float(max(self.ends.seconds)) + EARLIER
+        # Bins that all pickers fill.
         self.bins = 0
         # Picker -> the ops at which its plan begins and ends.
         self.harvest_ends: dict[str, int] = {}
@@ -119,6 +122,7 @@ class Program:
             y = self.queue_lines[queue_line]
             metres = self._metres_to(head, y, end)
             self.ways[queue_line, end] = metres
+            # A metre behind the head.
             longer = self._metres_to(head - 1.0, y, end) - metres
             if abs(longer - 1.0) > ROUNDING:
                 self.has_own_measure = True
@@ -133,8 +137,9 @@ class Program:
         self._lock = RLock()
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Return the arrays of a model that grow, as they are now. Those of a harvest are these
-        until it takes them anew.
+        """Return the arrays of the program that grow, as they are now.
+
+        A harvest keeps those that it got until it asks for them again: see `size`.
         """
         with self._lock:
             return {
@@ -202,6 +207,7 @@ class Program:
         `speeds`: m/s at which each row is picked.
         """
         total = 0.0
+        # When the carrier is back from the load-out, whose time passes while it drives on.
         back = 0.0
         for op in self.ops.array[first:]:
             if op.kind == c.END:
@@ -256,6 +262,7 @@ class Program:
         while writer.number < len(writer.steps):
             step = writer.steps[writer.number]
             if isinstance(step, INSERTING):
+                # What it puts in its place is translated next.
                 writer.steps[writer.number : writer.number + 1] = put_by(step, writer.pose)
                 continue
             begins.append(len(self.ops))
@@ -434,6 +441,8 @@ class Program:
 
     def _begin_row_on_drive(self, step: st.DriveTo, writer: Writer, metres: float) -> None:
         """Let a bin see that its picker drives to fruit, perhaps through a part of the row."""
+        # The pattern that is looked for: perhaps Say "driving" and another drive, then Say
+        # "picking".
         following = writer.steps[writer.number + 1 : writer.number + 4]
         states = [after.state if isinstance(after, st.Say) else "" for after in following]
         if "picking" not in states or states[0] not in ("driving", "picking"):

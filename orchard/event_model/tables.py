@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from orchard.event_model import columns
+from orchard.event_model import program_columns
 
 
 class Table:
@@ -27,13 +27,13 @@ class Table:
         """Append a row. A column that is not named is 0."""
         if self._count == len(self._rows):
             self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
-        # A whole row at once: each column by its name costs as much.
+        # A whole row at once: to set one column by its name costs as much as this.
         self._rows[self._count] = tuple(map(values.get, self._names, repeat(0)))
         self._count += 1
 
     @property
     def array(self) -> np.ndarray:
-        """The rows, with space behind them."""
+        """The rows, with space behind them. When a row is appended it may become another array."""
         return self._rows.view(np.recarray)
 
 
@@ -45,7 +45,7 @@ class PlaceLists:
         # Harvests in several threads may share a program, which grows.
         self._lock = RLock()
         self._most = most
-        # Of a list, in 64 bits each.
+        # Words of 64 bits of a list, rounded up.
         self.words = -(-most // 64)
         # The name of a place -> its bit.
         self.bits: dict[str, int] = {}
@@ -102,7 +102,7 @@ class Lines:
     def __init__(self, most: int) -> None:
         """`most`: lines that there may be."""
         self.most = most
-        self._rows = Table(columns.LINE)
+        self._rows = Table(program_columns.LINE)
         self._numbers: dict[tuple[int, float, int], int] = {}
 
     @property

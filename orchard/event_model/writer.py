@@ -1,4 +1,7 @@
-"""A plan while it is translated: what is known at a step, and what steps say of themselves."""
+"""A plan while it is translated: what is known at a step, and what steps say of themselves.
+
+`orchard.event_model.program` uses it. "Columns" are those of `program_columns.OP`.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -29,9 +32,9 @@ class Writer:
     pose: Pose
     machine: Machine
     number: int = 0
-    # What the robot does, as it said.
+    # What the robot does, by its last `Say`.
     state: str = "resting"
-    # The passes through rows that are still to be done, with their numbers, of a picker.
+    # Of a picker: its passes through rows that are still to be done, each with its number.
     passes: list[tuple[int, Pass]] = field(default_factory=list)
     # What may happen on the drive that follows.
     may_fail: st.MayFail | None = None

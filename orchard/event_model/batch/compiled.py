@@ -4,7 +4,7 @@ import hashlib
 from functools import partial
 from pathlib import Path
 
-from orchard.event_model import bystanders, codes, columns, results
+from orchard.event_model import bystanders, codes, columns, program_columns, results
 from orchard.event_model.kernel import drives
 from orchard.field import picking
 from orchard.plans import robot, robot_memory, sense
@@ -15,6 +15,7 @@ CONSTANTS_OF = (
     bystanders,
     codes,
     columns,
+    program_columns,
     drives,
     picking,
     results,

@@ -1,4 +1,8 @@
-"""Who follows whom at a moment: on which lines robots are, and in which order.
+"""Which robot follows which at a moment: on which lines robots are, and in which order.
+
+A line is a straight on which robots drive in one direction (`program_columns.LINE`). "Along" it
+means the coordinate in its direction, m; a robot further on has a larger one. A robot with a bin
+that turns off its line swings the bin "across" it.
 
 A robot's last ops tell on which line it is: it enters the line of a drive once it has driven so far
 that its bin has left the line before.

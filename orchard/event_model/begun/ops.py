@@ -6,7 +6,10 @@ from orchard.event_model.program import Program
 
 
 class Ops:
-    """The ops of a program, column by column. Through a recarray each look costs a microsecond."""
+    """The ops of a program, column by column, as `program_columns.OP` has them.
+
+    The columns are looked up once, because each look-up in a recarray costs a microsecond.
+    """
 
     def __init__(self, program: Program) -> None:
         rows = program.ops.array.view(np.ndarray)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from orchard.behaviour import bin, carrier, dispatcher
 from orchard.dispatch import ranking
-from orchard.event_model import codes, columns, swing
+from orchard.event_model import codes, columns, program_columns, swing
 from orchard.field import geometry
 from orchard.plans import driving, failures, forecast, handling, robot, sense
 from orchard.sim.kernels.jit import jit
@@ -30,6 +30,7 @@ CONSTANTS_OF = (
     handling,
     codes,
     columns,
+    program_columns,
     swing,
     geometry,
 )

@@ -15,7 +15,7 @@ from orchard.plans.robot import ASK
 
 # Ticks for which a carrier asks its bin whether that wants it.
 CONFIRMED = ASK
-HOUR = 3600.0
+HOUR = 3600.0  # s
 
 
 @inner

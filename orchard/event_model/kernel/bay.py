@@ -85,6 +85,7 @@ def later(ticks, waits):
     """Return by how many ticks more than it waits a carrier hears later that its bin is empty,
     because it asks the bin again and again. `ticks`: until that is empty if it does not wait.
     """
+    # Each term is the ticks from the empty bin to the carrier's next question, one each PATIENCE.
     return -(waits + ticks) % PATIENCE - -ticks % PATIENCE
 
 

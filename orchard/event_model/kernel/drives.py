@@ -1,4 +1,9 @@
-"""Drives: a robot drives leg by leg, up to a gate whose places it lacks or the robot ahead."""
+"""Drives: a robot drives leg by leg, up to a gate whose places it lacks or the robot ahead.
+
+A drive leads along one line, and positions are coordinates along it that grow (`LINE`). A "leg" is
+a part of a drive in which nothing changes. A "gate" is a point of a drive where the robot needs
+places, or gives them back. A "train" is a robot with its bin.
+"""
 
 from math import ceil, floor
 
@@ -42,7 +47,7 @@ asked_ahead = inner(driving.asked_ahead)
 is_asked_for = inner(failures.is_asked_for)
 is_freed = inner(failures.is_freed)
 
-# As a coordinate: none.
+# m. In place of a coordinate: there is none, nothing is in the way.
 FAR = 1e18
 # The sign of a distance along the line of a drive, which leads where coordinates grow.
 FORWARD = 1.0

@@ -39,7 +39,7 @@ def is_ready() -> bool:
 def get_ready() -> Any:
     """Return the compiled machine. If it must be compiled, which is done once, that is logged.
 
-    Who starts processes that need it gets ready first. Else each of them would compile it.
+    A program that starts processes which need it calls this first. Else each would compile it.
     """
     if not is_kept(_run, SIGNATURE):
         log.warning("%s", COMPILING)

@@ -1,4 +1,7 @@
-"""Bins: a picker leaves the full one and takes the empty one that a carrier has brought."""
+"""Bins: a picker leaves the full one and takes the empty one that a carrier has brought.
+
+The "partner" of a picker is that carrier. While the bin changes over, both need the lane's place.
+"""
 
 from orchard.event_model import codes as c
 from orchard.event_model.kernel.batteries import end_trip, use_battery
@@ -21,7 +24,10 @@ MAIL = 2
 
 @inner
 def handle(m, robot, state):
-    """Begin to couple or uncouple a bin. A robot that has stood for a tick needs less."""
+    """Begin to couple or uncouple a bin. A robot that has stood for a tick needs less.
+
+    Return that the op is not done.
+    """
     me = m.robots[robot]
     op = m.ops[me.op]
     me.state = state

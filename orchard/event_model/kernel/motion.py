@@ -21,6 +21,8 @@ def after_ticks(here, goal, step, ticks):
     It is added up tick by tick as physics does, to the last bit: whether a robot is nearer to a
     gate than the distance at which it asks is often a matter of rounding. `step`: m in a tick.
     """
+    # Whole steps that surely end before the goal. The rest are cut off there, as physics does it:
+    # by a velocity that is less in the last tick.
     whole = min(ticks, int((goal - here) / step) - 1)
     for _ in range(whole):
         here += step

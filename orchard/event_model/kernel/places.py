@@ -1,7 +1,8 @@
 """Places: what a robot claims and when, and how traffic grants it.
 
-`orchard.behaviour.traffic` has the rules of granting; here they work on sets of places as bits.
-Claims that are sent in one tick are heard together half a tick later.
+A "claim" names the places that a robot keeps and wants, a "wish" is what it waits for in traffic's
+table. Sets of places are rows of bits, (w,) words of 64. `orchard.behaviour.traffic` has the rules
+of granting. Claims that are sent in one tick are heard together half a tick later.
 """
 
 from orchard.event_model import codes as c

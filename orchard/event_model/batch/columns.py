@@ -1,6 +1,8 @@
 """The arrays of a batch of harvests and their columns.
 
 n harvests, r robots, b bins, k carriers. Times and lengths are as in `orchard.event_model.columns`.
+An observation is what the learning agent gets at a decision, a mask tells which actions it may
+take.
 """
 
 from typing import Any
@@ -9,10 +11,12 @@ import numpy as np
 
 from orchard.event_model import columns
 
-# -- what a harvest is to do in a step
+# -- what a harvest is to do in a step: its command
 
 NOTHING = 0
+# Do its action, and go on to the next decision.
 ACT = 1
+# Begin a new episode.
 BEGIN = 2
 
 # -- stages of an episode
@@ -77,13 +81,19 @@ STANDING = 2
 LOOKING = 3
 DRAWN = 4
 
-# Numbers of a bin, and of a carrier, in an observation.
+# Columns of a bin in an observation: 1 if it waits for a decision, else all are 0; its row, from 1;
+# s since it called, s until it is full, s and m of a carrier's way to it.
+IS_WAITING, ROW, SINCE_CALL, UNTIL_FULL, TO_REACH, METRES = range(6)
 OF_BIN = 6
+# Columns of a carrier in an observation: 1 if it can leave now; m from the head of its line.
+CAN_LEAVE, TO_HEAD = range(2)
 OF_CARRIER = 2
+# Columns of what happened in a step: s that passed, s for which pickers waited, bins unloaded.
+SECONDS, WAITED, DELIVERED = range(3)
 
 # Of each array of a batch what its items are, and its number of dimensions.
 ARRAYS: dict[str, tuple[Any, int]] = {
-    # (n, words): where the arrays of each harvest are.
+    # (n, words): where the arrays of each harvest are, as `ArrayRecord.addresses` has them.
     "addresses": (np.int64, 2),
     # (bytes,) of a state at the start, and (n, bytes) of the present ones.
     "initial": (np.uint8, 1),
@@ -99,7 +109,7 @@ ARRAYS: dict[str, tuple[Any, int]] = {
     # (DRAWN, r, bytes): what stands in a draw for a robot, and (DRAWN, r) how long it is.
     "names": (np.uint8, 3),
     "lengths": (np.int64, 2),
-    # (r, 2): the chance that somebody is near a turn, without a bin and with one.
+    # (r, 2): the chance that a person or an animal is near a turn, without a bin and with one.
     "nearness": (np.float64, 2),
     # (n, r * room): of each robot, one after the other, as many as an episode has drawn.
     "failures": (columns.FAILURE, 2),
@@ -108,12 +118,13 @@ ARRAYS: dict[str, tuple[Any, int]] = {
     # (bins,): of each bin's number its place in an observation. (k,): the robots that are carriers.
     "bin_places": (np.int64, 1),
     "carriers": (np.int64, 1),
-    # -- what is told: (n, 1), (n, b, OF_BIN), (n, k, OF_CARRIER), and (n, actions)
+    # -- observations: (n, 1), (n, b, OF_BIN) and (n, k, OF_CARRIER); and the masks, (n, actions).
+    # Action 0 decides nothing more; action 1 + k * bin + carrier sends a carrier to a bin.
     "seconds_seen": (np.float32, 2),
     "bins_seen": (np.float32, 3),
     "carriers_seen": (np.float32, 3),
     "masks": (np.int8, 2),
-    # (n, 3): in the last step, s that passed, s for which pickers waited, bins unloaded.
+    # (n, 3): in the last step.
     "happened": (np.float64, 2),
     # -- of a draw: 128 bytes of text, 32 words, and two numbers, uniform in [0, 1)
     "text": (np.uint8, 1),

@@ -1,6 +1,11 @@
 """The random draws of a batch, compiled: the same numbers as `orchard.event_model.draws` gives.
 
-In a harvest all robots have the same number of draws: what the robot needs that has used the most.
+A draw is made by the seed of the episode, what it is for, and the name of the robot. Its kinds:
+failures, encounters (people and animals on the way), and looks (how long a robot stands before a
+turn). In a harvest all robots have the same number of draws of a kind: so many as the robot needs
+that has used the most. The draws of one robot stand behind those of the robot before.
+
+Arguments: `b` is the batch, `m` the model of one of its harvests, `i` the number of that harvest.
 """
 
 import numpy as np
@@ -12,7 +17,7 @@ from orchard.event_model.bystanders import ticks_of_look, ticks_of_meeting
 from orchard.field.repeatable import exponential
 from orchard.sim.kernels.arrays import WORDS
 
-# Draws of each kind for each robot at the start, and more of them at a time.
+# So many draws of each kind for each robot are made at the start, and so many more at a time.
 MORE = 4
 # Where a robot has used all but so many, more are drawn. The machine wants one in reserve.
 RESERVE = 1
@@ -95,7 +100,8 @@ def draw_failures(b, i):
     episode = b.episodes[i]
     count = episode.failures
     drawn = b.failures[i]
-    # From the last robot on, so that none is overwritten.
+    # Each robot gets more draws, so those of all but the first one move back. It begins with the
+    # last robot, so that no draw is overwritten before it has moved.
     for robot in range(len(b.nearness) - 1, -1, -1):
         first = robot * (count + MORE)
         for number in range(count - 1, -1, -1):
@@ -151,9 +157,10 @@ def draw_looks(b, i):
 # -- a draw: BLAKE2b of a short text, as `orchard.field.repeatable.draw` has it from hashlib
 
 SIXTY_FOUR = np.uint64(64)
+# Bits by which words are turned in a round.
 TO_THE_RIGHT = (np.uint64(32), np.uint64(24), np.uint64(16), np.uint64(63))
 ROUNDS = 12
-# How the words of the text take turns.
+# The order of the words of the text in each round; the rounds after the last one begin again.
 SIGMA = np.array(
     [
         [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15],
@@ -169,6 +176,7 @@ SIGMA = np.array(
     ],
     np.int64,
 )
+# The words with which the mixing begins.
 START = np.array(
     [
         0x6A09E667F3BCC908,
@@ -209,10 +217,11 @@ def draw(b, seed, kind, robot, number):
         words[at] = START[at]
         words[8 + at] = START[at]
     words[0] ^= PARAMETERS
+    # The length of the text, and the mark of its last block: it has only one.
     words[12] ^= np.uint64(length)
     words[14] ^= ALL_BITS
     for turn in range(ROUNDS):
-        mix(words, turn % 10)
+        mix(words, turn % len(SIGMA))
     first = START[0] ^ PARAMETERS ^ words[0] ^ words[8]
     second = START[1] ^ words[1] ^ words[9]
     b.chances[0] = np.float64(first >> LOST_BITS) / TWO_TO_53

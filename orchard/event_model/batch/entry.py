@@ -25,7 +25,7 @@ def addresses(arrays: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def step(batch: np.ndarray, first: int) -> int:
-    """Let harvests go on to their next decisions, as `episodes.step` does."""
+    """Let harvests, from the first one on, go on to their next decisions: see `episodes.step`."""
     done: int = _ready()(batch, _machine(), first)
     return done
 

@@ -1,6 +1,9 @@
 """The episodes of a batch, compiled: each goes on from decision to decision.
 
 `orchard.gym.dispatch.DispatchEnv` does the same in Python, and asks a policy beside it.
+
+Arguments: `b` is the batch, with the arrays of `batch.columns.ARRAYS`; `i` the number of a harvest
+in it; `m` the model of that harvest. A decision sends carriers to bins one by one, an action each.
 """
 
 from orchard.event_model import codes as c
@@ -85,6 +88,7 @@ def act(b, m, i):
     if b.episodes[i].stage != bc.DECIDING:
         return
     action = b.actions[i]
+    # Action 0 sends no further carrier.
     if action > 0 and b.masks[i, action]:
         place = (action - 1) // len(b.carriers)
         carrier = b.carriers[(action - 1) % len(b.carriers)]
@@ -94,6 +98,7 @@ def act(b, m, i):
                 call.is_asked = False
                 b.chosen[i, picker] = carrier
         m.robots[carrier].is_told = False
+        # Another carrier may be sent at the same decision.
         if is_open(m):
             return
     decide(b, m, i)
@@ -115,7 +120,7 @@ def decide(b, m, i):
 
 @inner
 def is_open(m):
-    """Whether a carrier can be sent to a bin."""
+    """Whether a carrier can be sent to a bin: some bin waits for it, and some carrier can leave."""
     waits = False
     can_leave = False
     for robot in range(len(m.robots)):
@@ -294,9 +299,9 @@ def note_what_happened(b, m, i):
         seconds = last_tick(m) * TIME_STEP
     waited = waited_ticks(m) * TIME_STEP
     delivered = m.desk[0].deliveries
-    b.happened[i, 0] = seconds - episode.seconds
-    b.happened[i, 1] = waited - episode.waited
-    b.happened[i, 2] = delivered - episode.delivered
+    b.happened[i, bc.SECONDS] = seconds - episode.seconds
+    b.happened[i, bc.WAITED] = waited - episode.waited
+    b.happened[i, bc.DELIVERED] = delivered - episode.delivered
     episode.seconds = seconds
     episode.waited = waited
     episode.delivered = delivered
@@ -318,20 +323,21 @@ def observe(b, m, i):
     for place in range(len(b.carriers)):
         me = m.robots[b.carriers[place]]
         if me.is_told:
-            carriers[place, 0] = me.is_ready
-            carriers[place, 1] = me.metres_to_head
+            carriers[place, bc.CAN_LEAVE] = me.is_ready
+            carriers[place, bc.TO_HEAD] = me.metres_to_head
     tick = m.desk[0].now // c.QUARTERS
     for picker in range(len(m.robots)):
         call = m.calls[picker]
         if call.is_asked:
             place = b.bin_places[call.bin]
             lane_end = m.ends[call.end]
-            bins[place, 0] = 1.0
-            bins[place, 1] = call.end // 2 + 1
-            bins[place, 2] = (tick - call.since) * TIME_STEP
-            bins[place, 3] = call.seconds
-            bins[place, 4] = lane_end.seconds
-            bins[place, 5] = lane_end.metres
+            bins[place, bc.IS_WAITING] = 1.0
+            # Lanes have two ends.
+            bins[place, bc.ROW] = call.end // 2 + 1
+            bins[place, bc.SINCE_CALL] = (tick - call.since) * TIME_STEP
+            bins[place, bc.UNTIL_FULL] = call.seconds
+            bins[place, bc.TO_REACH] = lane_end.seconds
+            bins[place, bc.METRES] = lane_end.metres
             note_actions(mask, carriers, place)
 
 
@@ -339,5 +345,5 @@ def observe(b, m, i):
 def note_actions(mask, carriers, place):
     """Note which carriers can be sent to a bin."""
     for carrier in range(len(carriers)):
-        if carriers[carrier, 0] > 0.0:
+        if carriers[carrier, bc.CAN_LEAVE] > 0.0:
             mask[1 + place * len(carriers) + carrier] = 1

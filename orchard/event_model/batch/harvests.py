@@ -156,6 +156,7 @@ class HarvestBatch:
         for name in STATE:
             shape, size = self._state_forms[name]
             _note(words, name, begin + harvests * self.arrays["states"].strides[0], shape)
+            # As `_as_bytes` has put them.
             begin += size + -size % ALIGNED
         for name, array in self._shared.items():
             _note(words, name, array.ctypes.data, array.shape)
@@ -165,6 +166,7 @@ class HarvestBatch:
             draws = self.arrays[name]
             places = draws.ctypes.data + harvests * draws.strides[0]
             _note(words, name, places, (self._robots, 0))
+            # The second length, after the address and the first one: draws that a robot has.
             words[:, [*columns.ARRAYS].index(name), 2] = self.arrays["episodes"][name]
         self.arrays["addresses"] = words.reshape(count, -1)
         self._batch = addresses(self.arrays)
@@ -182,7 +184,10 @@ class HarvestBatch:
 
 
 def _as_bytes(model: columns.Model) -> np.ndarray:
-    """Return the arrays of a state, one after the other, as bytes."""
+    """Return the arrays of a state, one after the other, as bytes.
+
+    Each is followed by zeros, so that the next one begins at a multiple of ALIGNED.
+    """
     parts = []
     for name in STATE:
         part = np.frombuffer(getattr(model, name).tobytes(), np.uint8)

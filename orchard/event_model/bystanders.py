@@ -1,5 +1,8 @@
-"""What people and animals, spread evenly, cost a robot on its way: random stops, measured as
-docs/bounds.md says.
+"""What people and animals ("bystanders") cost a robot on its way, if they are spread evenly.
+
+The event model has none of them: robots stop at random, as often and as long as was measured in the
+simulator (docs/bounds.md). On its way a robot "meets" one of them, and stands until that has gone.
+Before a turn it asks all where they are (a "look"), and stands while one of them is near.
 """
 
 from dataclasses import dataclass
@@ -12,26 +15,26 @@ from orchard.field.scenario import TIME_STEP
 from orchard.plans.robot import ASK
 from orchard.plans.sense import BYSTANDER_MARGIN, bystanders_of, sweep_radius
 
-MEETS_WITHIN = (
-    5.6  # m: a robot stops once for each of them that is in a strip of this width along its way
-)
+# m: a robot stops once for each of them that is in a strip of this width along its way.
+MEETS_WITHIN = 5.6
 MEETING = 1.05  # s, mean time for which it then stands
 PASSING = 3.0  # s, mean time for which one of them stays within what a turn sweeps
-# What is drawn for a robot: these, and its name.
+# The name of a draw is one of these, and the robot's name.
 WAY = "way of "
 STANDING = "meeting of "
 LOOKING = "turn of "
 
 
 def ticks_of_meeting(chance: float) -> int:
-    """Return the ticks of a meeting for a random number, uniform in [0, 1)."""
+    """Return the ticks of a meeting, at least one, for a random number, uniform in [0, 1)."""
     return 1 + int(exponential(chance, MEETING) / TIME_STEP)
 
 
 def ticks_of_look(is_near: float, stays: float, nearness: float) -> int:
     """Return the ticks of a look before a turn, for two random numbers, uniform in [0, 1).
 
-    `nearness`: the chance that somebody is near.
+    `is_near`, `stays`: these numbers. `nearness`: the chance that somebody is near. Without anybody
+    it takes the ASK ticks until all have answered.
     """
     if is_near < nearness:
         return ASK + int(exponential(stays, PASSING) / TIME_STEP)
@@ -45,7 +48,7 @@ class Bystanders:
     seed: int
     #: Per m2.
     density: float
-    #: m, mean.
+    #: m, mean of their bodies.
     radius: float
 
     @classmethod

@@ -1,7 +1,8 @@
-"""The random draws of a harvest: as many as robots have used, and as many again.
+"""The random draws of a harvest: when robots fail, whom they meet, how long they look before turns.
 
-Each draw belongs to the seed, the robot and its number, so more of them change none. They are kept:
-fleets that are compared have the same seeds.
+They are drawn in advance, FIRST of each kind for each robot, and twice as many when a robot has
+used all of its own. Each draw belongs to the seed, the robot and its number, so more of them change
+none. They are kept: fleets that are compared have the same seeds.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +17,7 @@ from orchard.field.layout import Layout
 from orchard.field.picking import failure
 from orchard.field.scenario import Scenario
 
-# Of each kind for each robot, at first.
+# Draws of each kind for each robot, at first.
 FIRST = 8
 # Parts of the draws of robots that are kept: those of some hundred robots and seeds.
 KEPT = 4096
@@ -58,6 +59,7 @@ def _table(
     """
     table = np.zeros((len(names), count), columns).view(np.recarray)
     for robot, name in enumerate(names):
+        # In parts that double, so that those of a harvest with more draws are found in the cache.
         first = 0
         while first < count:
             last = min(count, max(FIRST, 2 * first))

@@ -1,4 +1,9 @@
-"""A whole harvest in the event model: how it goes on, and what came of it."""
+"""A whole harvest in the event model: how it goes on, and what came of it.
+
+`orchard.discrete` is the door to it for other packages. The class holds the arrays of a harvest,
+lets the machine carry them on, and does what the machine stops for: see "why the machine stopped"
+in codes.py.
+"""
 
 from collections.abc import Callable, Sequence
 from copy import copy
@@ -57,7 +62,7 @@ class EventHarvest:
         own = {name: getattr(prepared.model, name).copy() for name in STATE}
         own["speeds"] = np.array([lane.picking_speed for lane in layout.lanes])
         self._drawn = FIRST
-        # The layout the seed of which tells whom robots meet.
+        # The layout whose seed decides which people and animals robots meet.
         self._met_in = layout
         own |= self._draws()
         own["robots"].clear = FAR
@@ -69,14 +74,14 @@ class EventHarvest:
         if is_logged:
             own["log"] = np.zeros(LOG_ROWS, columns.LOG).view(np.recarray)
         self.model = prepared.model._replace(**own)
-        # The size of the program whose arrays the model has.
+        # The size that the program had when the model took over its arrays.
         self._taken = (0, 0)
         self.take_program()
         # The tick up to which `run` has carried it on.
         self._until = 0
         # The bins that were delivered before it began, if it goes on from a run.
         self.delivered_before = 0
-        # The time at which the exchanges were last read, and these.
+        # The time at which the exchanges were last read, and the exchanges: reading takes long.
         self._exchanged: tuple[int, dict[str, list[Exchange]]] = (c.NONE, {})
         self._policy: AskedPolicy | None = None
         if self.model.desk[0].policy == c.IN_PYTHON:
@@ -87,7 +92,7 @@ class EventHarvest:
 
     @classmethod
     def paused(cls, layout: Layout, is_early: bool) -> "EventHarvest":
-        """Return a harvest that `advance` carries on to each decision, for whoever makes it.
+        """Return a harvest that `advance` carries on to each decision. The caller decides.
 
         `is_early`: whether bins report before they are full. Raises as the class does.
         """
@@ -171,6 +176,7 @@ class EventHarvest:
         """Do the whole harvest, or all until robots wait for each other, or it no longer
         `goes_on`.
         """
+        # It looks every JAM ticks whether a step was done, or a robot drives.
         before = -1
         longest = LONGEST * self.program.bins
         while goes_on() and self._until < longest and (self.done > before or self.drives):

@@ -6,8 +6,8 @@ This module does not import numba, which takes long to load.
 from orchard.event_model import codes as c
 from orchard.field.scenario import Scenario
 
-# The policies that are compiled. Others are asked in Python. Without the agent `dispatch` bins call
-# all carriers.
+# The policies that are compiled -> their codes. Other policies are asked in Python. With `nearest`
+# there is no agent `dispatch`, and bins call all carriers.
 COMPILED = {
     "nearest": c.BY_CALLS,
     "longest-waiting": c.LONGEST_WAITING,

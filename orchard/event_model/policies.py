@@ -1,4 +1,8 @@
-"""Policies in Python: each is asked as the dispatcher asks it, and its orders are checked."""
+"""Policies in Python: each is asked as the dispatcher asks it, and its orders are checked.
+
+The machine stops where one must decide. `PolicyQuestions` reads from the model what the policy is
+told, and writes its orders there; then the machine goes on.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -68,16 +72,15 @@ class AskedPolicy:
 
 @dataclass
 class PolicyQuestion:
-    """A time at which carriers can be sent to bins: what a policy is told, and whom that is
-    about.
-    """
+    """A decision: what a policy is told, and the numbers of the robots that it is about."""
 
     #: The tick.
     now: int
     bins: list[BinReport]
     carriers: list[CarrierReport]
-    #: The number of the picker of each bin, and of each carrier.
+    #: Name of a bin -> the number of its picker.
     pickers: dict[str, int]
+    #: Name of a carrier -> its number.
     numbers: dict[str, int]
 
     @property

@@ -46,9 +46,9 @@ class Prepared:
     """What all seeds of an orchard share."""
 
     program: Program
-    # Pickers and carriers, by name.
+    # Pickers and carriers, sorted by name. A robot's number is its index here.
     names: list[str]
-    # In the order of their names, as ties are.
+    # Bins, sorted by name too, because ties are decided by names.
     bin_names: list[str]
     # At the start of a harvest. Only copies are changed.
     model: columns.Model
@@ -96,7 +96,9 @@ def _initial(
     calls.stood_until = c.NONE
     calls.silent_since = c.NEVER
     timers = np.full((c.EVENTS, count), c.NEVER)
+    # All robots begin at tick 0.
     timers[c.WAKE] = 0
+    # Rows of exchanges and of trips: at most one for each bin, and one more for each robot.
     exchanges = program.bins + count
     return columns.Model(
         ops=program.ops.array,
@@ -172,10 +174,11 @@ def _desk(layout: Layout, program: Program) -> Any:
     scenario = layout.scenario
     has_dispatcher = DISPATCH in scenario.bodiless_agents
     desk = np.zeros(1, columns.DESK).view(np.recarray)
-    # A policy in Python is asked by whoever begins the harvest.
+    # Without a dispatcher the policy stays 0, BY_CALLS.
     if has_dispatcher:
         desk.policy = COMPILED.get(scenario.dispatch, c.IN_PYTHON)
     desk.asks_ways = program.has_own_measure
+    # So long ago that it may ask at once. Half of it, so that sums with it stay within 64 bits.
     desk.asked = -c.NEVER // 2
     desk.horizon = program.horizon
     desk.mean_speed = scenario.mean_picking_speed

@@ -1,4 +1,9 @@
-"""How far a carrier with its bin reaches back along its line while it turns off that line."""
+"""How far a carrier with its bin reaches back along its line while it turns off that line.
+
+The robot behind it sees that with its laser, and drives on as the bin swings out of its way. Here
+the same follows from the boxes of carrier and bin. The line is the x axis, the carrier faces along
+it at first, and its centre is at 0. `kernel/roads.py` uses the two tables that are made from this.
+"""
 
 from math import inf
 

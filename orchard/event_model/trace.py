@@ -1,4 +1,4 @@
-"""A trace: what each robot did when, in words, one line an op."""
+"""A trace: what each robot did when, in words, one line an op. `orchard trace` prints it."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -49,6 +49,7 @@ def trace(layout: Layout) -> Iterator[str]:
 
 def _clock(tick: int) -> str:
     """Return the time of a tick as h:mm:ss.t."""
+    # 600 tenths of a second are a minute.
     minutes, tenths = divmod(round(10 * tick * TIME_STEP), 600)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{tenths // 10:02d}.{tenths % 10}"

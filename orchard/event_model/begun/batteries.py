@@ -11,11 +11,11 @@ from orchard.field.scenario import TIME_STEP
 from orchard.field.ticks import ROUNDING
 from orchard.plans import steps as st
 
-HOUR = 3600.0
+HOUR = 3600.0  # s
 
 
 class BatteriesOfCarriers:
-    """Takes over what carriers have left in their batteries, and who has a charger."""
+    """Takes over what carriers have left in their batteries, and which of them have a charger."""
 
     def __init__(self, moment: RunMoment, harvest: EventHarvest) -> None:
         self._model = harvest.model
@@ -55,6 +55,7 @@ class BatteriesOfCarriers:
     def _haul_on(self, me: Doing) -> None:
         """Use what the rest of the way to the load-out and back takes, and charge after it."""
         back = me.more["back"]
+        # The share of its time away that is still to come.
         rest = (back - self._tick) / self._carrier.haul_ticks
         me.more["charge"] -= rest * self._haul_charge
         if any(isinstance(step, st.Charge) for step in me.memory.plan):
@@ -68,6 +69,7 @@ class BatteriesOfCarriers:
         self._model.desk.free_chargers -= 1
         me.more["is_charging"] = True
         me.more["parked"] = me.more["stood"]
+        # Rounding must not make it a tick more.
         ticks = ceil((1.0 - charge) * self._ticks_to_charge - ROUNDING)
         self._model.timers[c.FULLY_CHARGED, me.number] = c.QUARTERS * (self._tick + ticks)
 

@@ -1,4 +1,4 @@
-"""Begin a harvest of the event model where a run is."""
+"""Begin a harvest of the event model where a run is: the door to this package."""
 
 import numpy as np
 
@@ -31,12 +31,14 @@ def begin_at(moment: RunMoment, carry_on: CarryOn = run) -> EventHarvest:
         raise NotInPlanError("an emergency stop holds a robot")
     if layout.scenario.route not in ROUTES:
         raise NotImplementedError("the event model does not go on with a route of your own")
+    # At its start; what follows fills in the state of the moment.
     harvest = EventHarvest(layout, carry_on=carry_on)
     if moment.tick == 0:
         return harvest
     take_over_bay(moment, harvest)
     claims = Claims(moment)
     robots = Robots(moment, harvest, claims)
+    # `Robots` has translated jobs, so the arrays of the program may be others.
     harvest.take_program()
     doing = robots.all()
     lines = LinesOfRobots(harvest, robots.ops)
@@ -47,6 +49,7 @@ def begin_at(moment: RunMoment, carry_on: CarryOn = run) -> EventHarvest:
     _take_over_batteries(moment, harvest, doing)
     calls = CallsOfBins(moment, harvest, robots.ops, doing)
     calls.take_over()
+    # Until here all has been noted in `doing`. What follows reads columns of robots.
     for me in doing:
         _write(harvest, me, moment.tick)
     lines.line_up(on_lines, moment.tick)

@@ -26,7 +26,10 @@ from orchard.sim.world import NONE
 
 
 class CallsOfBins:
-    """Takes over what bins, carriers and the dispatcher know of calls."""
+    """Takes over what bins, carriers and the dispatcher know of calls.
+
+    The model has a row of `calls` for each picker, about the bin that it fills or has left.
+    """
 
     def __init__(
         self, moment: RunMoment, harvest: EventHarvest, ops: Ops, robots: list[Doing]
@@ -63,7 +66,8 @@ class CallsOfBins:
     def take_over_desk(self) -> None:
         """Set what the dispatcher does next. The columns of robots must have been written."""
         desk = self._model.desk[0]
-        # Right after the agents have acted at the last tick: their letters are events to come.
+        # A quarter after the last tick, when its agents have acted: their letters are events to
+        # come.
         desk.now = c.QUARTERS * (self._tick - 1) + 1
         desk.deliveries = self._moment.world.delivered
         if self._has_dispatcher:
@@ -78,7 +82,8 @@ class CallsOfBins:
         picker.more["bringer"] = carrier.number
         self._model.bins[self._bins[name]].taken = c.NEVER
         if picker.memory.taken == name:
-            # In the last tick or before it: to the carrier's next question that is the same.
+            # The picker took it in the last tick or before. The carrier's next question gets the
+            # same answer in both cases.
             self._model.bins[self._bins[name]].taken = self._tick - 1
         requests = self._moment.requests(carrier.name)
         if any(isinstance(request, Here) for request in requests):

@@ -1,4 +1,7 @@
-"""Claims of places at a moment: what robots have told traffic, and what it has granted."""
+"""Claims of places at a moment: what robots have told traffic, and what it has granted.
+
+The terms claim, wish and partner are those of orchard/behaviour/traffic.py.
+"""
 
 from orchard.behaviour.traffic import PendingClaim, ReservationTable
 from orchard.contract.messages import Claim, Places

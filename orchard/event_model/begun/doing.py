@@ -15,10 +15,15 @@ class NotInPlanError(NotImplementedError):
 
 @dataclass
 class Doing:
-    """What a robot does at a moment."""
+    """What a robot does at a moment. The modules of this package fill it in, one after the other.
+
+    An op is the number of a row of `Program.ops`.
+    """
 
     name: str
+    # Its number in the event model.
     number: int
+    # What its agent remembers.
     memory: Any
     pose: Pose
     # The number of the bin on its bar; NONE: none.
@@ -41,7 +46,7 @@ class Doing:
     job_first: int = c.NONE
     # Of a carrier that left its job to charge: the op of the job at which it did; NONE: it did not.
     decided: int = c.NONE
-    # More columns of `columns.ROBOT`.
+    # Further columns of `columns.ROBOT`, by name, with the values that they get.
     more: dict[str, Any] = field(default_factory=dict)
 
 
@@ -58,6 +63,7 @@ def has_step(memory: Any, step: type[Step]) -> bool:
 def inserted_steps(memory: Any) -> int:
     """Return how many steps a failure has put before a plan: those before its MayFail."""
     is_failing = memory.state == "failed"
+    # A failure puts a `Say` that it has failed first, or second after the drive up to there.
     for step in memory.plan[:2]:
         is_failing = is_failing or (isinstance(step, st.Say) and step.state == "failed")
     if not is_failing:

@@ -34,5 +34,5 @@ class RunMoment:
         """Yield the answers that an agent hears at the next tick, each with its sender."""
         for sender, written in self.letters.get(self.tick - 1, {}).items():
             for given in written.answers:
-                if given[0] == receiver:
-                    yield sender, given[3]
+                if given.to == receiver:
+                    yield sender, given.body

@@ -1,4 +1,8 @@
-"""Places at a moment: which a robot has, which it waits for, and what it is about to hear."""
+"""Places at a moment: which a robot has, which it waits for, and what it is about to hear.
+
+The model has sets of places as bits (`sets`, see "sets of places" in codes.py), and for each robot
+its wish, its last claim, and the times at which it claims and hears next.
+"""
 
 import numpy as np
 
@@ -50,7 +54,7 @@ class PlacesOfRobots:
 
     def _set(self, kind: int, me: Doing, places: list[str]) -> None:
         """Set one of the sets of places of a robot."""
-        # Words of 64 bits.
+        # A view of the robot's row, (words,), of 64 bits each.
         bits = self._model.sets[kind, me.number]
         for place in places:
             word, bit = divmod(self._program.places.bits[place], 64)
@@ -99,6 +103,8 @@ class PlacesOfRobots:
         granted = set(reserved) - set(me.memory.reserved)
         if not granted:
             return []
+        # The lists of places that it may have asked for: that of its op, or those of a drive's
+        # gates.
         lists = [int(self._ops.places[me.op])]
         if me.kind == c.DRIVE:
             first, last = int(self._ops.first_need[me.op]), int(self._ops.last_need[me.op])

@@ -97,7 +97,7 @@ class Robots:
         decided = self._op_that_let_charge(memory, job_first)
         first = job_first
         if decided != c.NONE:
-            # Such an op has the first one of the plan to charge.
+            # The column `arg` of such an op is the first op of the plan to charge.
             first = int(self.ops.arg[decided])
         me = self._doing(name, first, 0)
         me.decided = decided

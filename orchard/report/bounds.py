@@ -1,10 +1,15 @@
-"""What a harvest could be without traffic: the rate that each part allows in the long run, and its
-length.
+"""How well a harvest could go without traffic: the rate that each part of an orchard allows in the
+long run, and the length of one harvest.
 
-The rates, bins/s, follow from geometry and speeds alone: docs/bounds.md derives them. The length is
-that of the event model with roads that each robot has to itself: of `nearest` for a policy
-of the user's own, and of the built-in route with the same queue for a route with steps of its own.
-Another policy may be faster: `proven_seconds` is what none can beat.
+The rates, bins/s, follow from geometry and speeds alone: docs/bounds.md derives them. Parts are
+pickers, carriers, unloading in the bay, chargers, trailers and the truck.
+
+The length is that of a harvest of the event model in which each robot has the roads to itself
+(`schedule_seconds`). In place of a policy of the user's own it takes `nearest`. In place of a route
+with steps of the user's own it takes the built-in route with the same queue. Another policy may be
+faster: `proven_seconds` is the time that no policy can beat.
+
+A pass is one drive of a picker through a row (`orchard.field.passes`).
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -37,44 +42,49 @@ from orchard.plans.steps import Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
 if TYPE_CHECKING:
     from orchard.event_model.harvest import EventHarvest
 
-# For the mean times of a bin a picker picks its rows so often, or a multiple of it: after two times
-# each row is left at the same ends again.
+# For the mean times of a bin a picker picks its rows this many times, or a multiple of it. After an
+# odd number of passes it begins the second time at the other end; after two times all is as at
+# first.
 ROUNDS = 2
-# Bins that a picker fills at least in that time, if a row does not fill one.
+# Bins that a picker fills at least in that time, where a bin does not fill in one row: a part-full
+# bin at the end is left out, and must count for little.
 FULL_BINS = 10
-# A picker fills at least this share of the bins of any other one: in a long run a policy must serve
-# all.
+# In a long run a picker must fill at least this share of the bins that any other one fills. A rate
+# of fewer pickers would not be the orchard's. Chosen.
 LEAST_SHARE = 0.5
-# Of the solver's work: at most about half a second.
+# How much work the solver may do for a proof, in its own unit: at most about half a second.
 PROOF = 0.1
 
 
 class Bounds:
-    """The terms for one orchard, in which each picker picks its rows again and again: bins/s that
-    each part allows.
+    """The rates that the parts of one orchard allow, where each picker picks its rows again and
+    again.
+
+    `terms`: part -> bins/s. `of_pickers`: picker -> mean times of its bins. The attributes with
+    `_seconds` are means over all pickers, s; docs/bounds.md has their symbols.
     """
 
     def __init__(self, layout: Layout) -> None:
         scenario = layout.scenario
         policy = dispatch_of(layout)
-        # The same passes come again and again.
+        # The same passes come again and again, so their times are kept.
         self.pass_times: PassTimes = cache(
             partial(_times_of_pass, route_of(layout), is_early(policy))
         )
         of_each = [_of_a_bin(layout, block, self.pass_times) for block in layout.blocks.values()]
         self.of_pickers = dict(zip(layout.blocks, of_each, strict=True))
-        # As if each picker delivered as many bins.
+        # Each picker counts as if it delivered as many bins as the others. A field of `means` is
+        # the mean of that field over the pickers.
         means = BinTimes(*map(fmean, zip(*of_each, strict=True)))
         self.picking_seconds = means.picking
         self.crossing_seconds = means.crossing
         self.row_end_seconds = means.row_end
         self.wait_seconds = means.waiting
-        # Of a picker's time.
-        self.bin_seconds = means.picking + means.crossing + means.waiting
+        self.bin_seconds = means.of_picker
         self.cycle_seconds = means.cycle
         carrier = layout.machines["carrier"]
-        # t_bay, for which one carrier occupies the bay. The next one then moves up into it. As many
-        # as have places there unload together; all of them then move up by as many places.
+        # t_bay: unloading, and then moving up. Carriers on all places of the bay unload together,
+        # so a bin takes its share of that. Then the next ones move up, each for its bin.
         moving_up = least_headway(carrier) / carrier.speed
         self.bay_seconds = Unload().ticks(carrier) * TIME_STEP / scenario.bays + moving_up
         busy = means.cycle + means.charging
@@ -83,8 +93,8 @@ class Bounds:
             busy = _mean_of_near(times.cycle + times.charging for times in of_each)
             charged = _mean_of_near(times.charging for times in of_each)
         self.terms = {
-            # Each at its own rate: picking, crossing and waiting.
-            "pickers": sum(1.0 / sum(times[:3]) for times in of_each),
+            # Each picker works at its own rate.
+            "pickers": sum(1.0 / times.of_picker for times in of_each),
             "carriers": scenario.carrier_count / busy,
             "unloading": 1.0 / self.bay_seconds,
         }
@@ -115,8 +125,9 @@ def _terms_of_load_out(layout: Layout) -> dict[str, float]:
     terms = {}
     if load_out.trailers.count is not None and load_out.trailers.bins is not None:
         bins = load_out.trailers.bins
-        # The trailers that can be away together, and the bins that can be put on a further one
-        # meanwhile: those that the bay still has.
+        # A bin goes onto a trailer only while the bay has an empty bin to give for it. So that
+        # limits how many trailers can be away together, and how many bins can already be put on a
+        # further one meanwhile.
         away = load_out.trailers.count
         early = 0
         if load_out.empty_bins is not None and load_out.empty_bins < away * bins:
@@ -152,14 +163,16 @@ def _mean_of_near(work: Iterable[float]) -> float:
     """Return the least mean time for a bin, s, if some pickers fill only `LEAST_SHARE` of what
     others do.
 
-    `work`: the mean time for a bin of each picker. A policy that prefers near bins may leave those
-    out of which the bins take longest, and a long run allows it up to that share.
+    `work`: of each picker the mean time for a bin, s. A policy that prefers near bins may serve the
+    pickers less of which the bins take longest, down to that share.
     """
-    in_order = sorted(work)
-    seconds = LEAST_SHARE * sum(in_order)
-    bins = LEAST_SHARE * len(in_order)
+    nearest_first = sorted(work)
+    # At first all pickers fill that share of a bin. Then one after another, from the nearest one
+    # on, fills a whole one. The least mean of all these cases counts.
+    seconds = LEAST_SHARE * sum(nearest_first)
+    bins = LEAST_SHARE * len(nearest_first)
     least = inf
-    for each in in_order:
+    for each in nearest_first:
         seconds += (1.0 - LEAST_SHARE) * each
         bins += 1.0 - LEAST_SHARE
         least = min(least, seconds / bins)
@@ -169,22 +182,27 @@ def _mean_of_near(work: Iterable[float]) -> float:
 class BinTimes(NamedTuple):
     """Mean times of a bin without traffic, or the times of one pass through a row, s."""
 
-    #: T: to pick what fills the bin.
+    #: T: the picker picks what fills the bin.
     picking: float
-    #: t_x: the picker leaves a full bin and goes on, beside the wait.
+    #: t_x: the picker leaves a full bin and goes on, without the wait for an empty one.
     crossing: float
-    #: w: from the full bin to an empty one, if a carrier is free at once.
+    #: w: the picker waits for an empty bin, if a carrier is free at once.
     waiting: float
     #: C: the carrier drives from the queue's head around the orchard and back.
     cycle: float
-    #: Of t_x, what a bin costs because it fills inside a row: exchanged at the row's end it would
-    #: cost nothing.
+    #: The part of t_x that a bin costs because it fills inside a row, and must be driven to the
+    #: row's end.
     row_end: float
     #: The carrier charges what a cycle takes out of its battery.
     charging: float
 
+    @property
+    def of_picker(self) -> float:
+        """The whole time of the picker, s."""
+        return self.picking + self.crossing + self.waiting
 
-# Of a pass through a row and the next one.
+
+# Returns the times of a pass; the second one is the next pass of the same picker.
 PassTimes = Callable[[Pass, Pass], BinTimes]
 
 
@@ -193,13 +211,16 @@ def _of_a_bin(layout: Layout, block: Block, times_of: PassTimes) -> BinTimes:
     count.
     """
     metres = sum(layout.lane(row).length for row in block.rows)
-    repeats = ceil(FULL_BINS * (layout.scenario.bin_metres or 0.0) / (ROUNDS * metres)) or 1
+    # So often as FULL_BINS need, at least once. Where each row fills a bin, no metres are needed.
+    metres_needed = FULL_BINS * (layout.scenario.bin_metres or 0.0)
+    repeats = max(1, ceil(metres_needed / (ROUNDS * metres)))
     passes = layout.passes(replace(block, rows=block.rows * ROUNDS * repeats))
     while not passes[-1].is_full:
         passes.pop()
     bins = sum(current.is_full for current in passes)
     following = (*passes[1:], passes[0])
     times = [times_of(current, after) for current, after in zip(passes, following, strict=True)]
+    # Field by field: the sum over the passes, for each bin.
     return BinTimes(*(sum(seconds) / bins for seconds in zip(*times, strict=True)))
 
 
@@ -226,7 +247,7 @@ def _times_of_pass(route: OneWay, leaves_early: bool, current: Pass, after: Pass
     layout = route.layout
     lane = layout.lane(current.row)
     plan = plan_of_pass(route, current, after)
-    # The plan has this drive in place of picking.
+    # In the plan the picked part is a drive without stops. It is taken out, and picking put in.
     driving = current.metres / lane.picking_speed
     picking = layout.picking_seconds(current.row, current.metres)
     beside_picking = plan[-1].ends - driving
@@ -244,13 +265,16 @@ def _times_of_pass(route: OneWay, leaves_early: bool, current: Pass, after: Pass
             charging=0.0,
         )
     side = route.sides[current.end]
+    # Carrier 1 stands for all. The names of the picker and of the bin are empty: they take no time.
     fetch = route.fetch(1, current.row, side, "", "")
     job = list(timed_steps(fetch, route.queue.place(0), layout.machines["carrier"]))
+    # From the pass's begin until the full bin is left, without picking; then until the picker
+    # fetches the empty one; and from a carrier's order until it can be there.
     leaving = next(timed.ends for timed in plan if isinstance(timed.step, LeaveBin)) - driving
     coming_out = begin_of(FetchEmpty, plan) - driving - leaving
     coming = way_to(route, current.row, side)[1]
     if leaves_early:
-        # It leaves when the picker drives into the row, or later.
+        # It leaves at the earliest when the picker drives into the row.
         coming -= _way_in_seconds(route, side, plan[0].pose.x) + picking + leaving
     # The carrier waits before the lane's place until the picker has come out.
     stop = begin_of(Deliver, job)
@@ -282,6 +306,7 @@ def _cycle_and_charging(layout: Layout, job: Sequence[TimedStep]) -> tuple[float
     """Return how long a carrier is busy with a job, with its mean repairs, and for how long it
     charges afterwards, s.
     """
+    # Failures come by the time driven, but not in the queue.
     driven = 0.0
     for timed in job:
         if isinstance(timed.step, DriveTo) and not timed.step.queueing:
@@ -292,22 +317,24 @@ def _cycle_and_charging(layout: Layout, job: Sequence[TimedStep]) -> tuple[float
     cycle = job[-1].ends + repairs
     standing = _handling(job) + repairs
     standing += layout.machines["carrier"].haul_standing_ticks * TIME_STEP
+    # What it uses in this time, as seconds of driving: standing uses a share of that.
     used = cycle - standing + battery.standing * standing
+    # Without a battery `hours` is None, and nothing is used.
     return cycle, battery.hours_to_charge * used / (battery.hours or inf)
 
 
-def _claimed(job: Sequence[TimedStep], place: str, never: float) -> float:
-    """Return when a job needs a place for the first time, s; `never` if it does not."""
-    for moment in job:
-        for needed, seconds in moment.needs:
+def _claimed(job: Sequence[TimedStep], place: str, otherwise: float) -> float:
+    """Return when a job needs a place for the first time, s; `otherwise` if it never does."""
+    for timed in job:
+        for needed, seconds in timed.needs:
             if needed == place:
                 return seconds
-    return never
+    return otherwise
 
 
 def _handling(plan: Sequence[TimedStep]) -> float:
     """Return the time that a plan takes beside all drives and turns, s: for bins and answers."""
-    return sum(moment.handling for moment in plan)
+    return sum(timed.handling for timed in plan)
 
 
 def undisturbed(scenario: Scenario, **changes: object) -> Scenario:
@@ -329,7 +356,9 @@ def schedule_seconds(layout: Layout) -> float:
 
 
 def ideal_of(layout: Layout) -> Layout:
-    """Return the layout without all that disturbs, and with rules that the fast model knows."""
+    """Return the layout without all that disturbs, and with built-in rules where those of the user
+    are not known to the event model.
+    """
     scenario = layout.scenario
     dispatch = scenario.dispatch
     if dispatch not in POLICIES:
@@ -346,8 +375,8 @@ def ideal_of(layout: Layout) -> Layout:
 
 
 def harvested(layout: Layout, free_roads: bool = False) -> "EventHarvest":
-    """Return a harvest of the event model that is done."""
-    # They load numba, which takes a second. The limits alone need none of it.
+    """Do a harvest in the event model, and return it."""
+    # These modules load numba, which takes a second. The limits alone need none of it.
     from orchard.event_model.harvest import EventHarvest
     from orchard.event_model.plain import machine_at_hand
 
@@ -356,14 +385,17 @@ def harvested(layout: Layout, free_roads: bool = False) -> "EventHarvest":
 
 
 def seconds_on_free_roads(ideal: Layout) -> float:
-    """Return the time of the harvest of what `ideal_of` returns, s, with roads that each robot has
-    to itself: until all robots stand in their places, and all trailers are back.
+    """Return the time of a harvest in which each robot has the roads to itself, s: until all robots
+    stand in their places, and all trailers are back.
+
+    `ideal`: as `ideal_of` returns it.
     """
     harvest = harvested(ideal, free_roads=True)
     stood = {"picker": 0.0, "carrier": 0.0}
     for name, since in harvest.stood.items():
         stood[kind_of(name)] = max(stood[kind_of(name)], since)
-    # The last carrier stops behind the others in its line.
+    # With all roads to itself each carrier drove to the head of its line. In truth it stops behind
+    # the others there, so the last one drives less far.
     before = min(ideal.scenario.carrier_count, ideal.queue.places) - 1
     metres = before * CLOSED_UP
     parked = stood["carrier"] - metres / ideal.machines["carrier"].speed
@@ -371,17 +403,18 @@ def seconds_on_free_roads(ideal: Layout) -> float:
 
 
 def proven_seconds(layout: Layout) -> float | None:
-    """Return what is proven of the shortest time of the harvest without traffic, s; None if the
-    extra `optimum` is missing, and for agents, steps and some routes of the user's own.
+    """Return the time below which it is proven that no harvest without traffic can be, s.
+
+    None if the extra `optimum` is missing, and for agents, steps and some routes of the user's own.
     """
-    # It is the same for each policy.
+    # The proof is the same for each policy. With one name for all it is kept once.
     return _proven(lay_out(undisturbed(layout.scenario, dispatch=NEAREST)))
 
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def _proven(layout: Layout) -> float | None:
     try:
-        # It is an extra, and takes half a second to load.
+        # OR-tools is in an extra, and takes half a second to load.
         from orchard.optimum.schedule import optimum
     except ModuleNotFoundError:
         return None

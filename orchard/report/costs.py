@@ -1,18 +1,17 @@
 """What a harvest costs: the only place that knows what is paid for what.
 
-All that is paid is told for a bin, in the currency of the scenario's prices. Wages, rents and
-machines that are bought are paid by working hours. What is paid by the day is paid for each day
-that is begun. In the long run all days are whole.
+Each amount is for one bin, in the currency of the scenario's prices. Wages, rents and machines that
+are bought are paid by working hours. What is paid by the day is paid for each day that is begun. In
+the long run all days are whole.
 
-A picker's pay of a day is that of its hours and of its bins. If that is less than the least that is
-paid for a day, the rest is paid too. All pickers are taken to fill as many bins, and as many an
-hour on each day.
+A picker earns by the hour and by the bin. If that is less than `picker_least_per_day`, the
+difference is paid too. All pickers are taken to fill equally many bins, at the same rate each day.
 """
 
 from orchard.field.scenario import Prices, Scenario
 from orchard.report.days import Day, WorkDays
 
-# What is paid -> what it is in words.
+# Key of a payment -> the same in words.
 PAYMENTS = {
     "picker_hours": "pickers, by the hour",
     "picker_bins": "pickers, by the bin",
@@ -25,7 +24,8 @@ PAYMENTS = {
     "overhead_days": "all else, by the day",
     "bins": "each bin",
 }
-# Whatever depends on the number of robots of a kind, by the key of this number.
+# The key of the scenario that has the number of robots of a kind -> the payments that grow with
+# this number.
 OF_ROBOTS = {
     "pickers": ("picker_hours", "picker_bought"),
     "carriers": ("carrier_hours", "carrier_days", "carrier_bought"),
@@ -35,9 +35,10 @@ OF_ROBOTS = {
 def payments_of_long_run(
     scenario: Scenario, bins_per_hour: float, days: WorkDays | None
 ) -> dict[str, float]:
-    """Return what is paid for what, for a bin, at a rate that goes on: what -> amount.
+    """Return what a bin costs at a rate that goes on: key of a payment -> amount.
 
-    `days`: None if there are none; then nothing is paid by the day.
+    `days`: None if the scenario has no shift; then an hour is computed, and nothing may be paid by
+    the day.
     """
     hours = 1.0
     if days is not None:
@@ -49,9 +50,10 @@ def payments_of_long_run(
 def payments_of_harvest(
     scenario: Scenario, bins: int, bins_per_hour: float, days: WorkDays | None
 ) -> dict[str, float]:
-    """Return what is paid for what, for a bin of one harvest: what -> amount.
+    """Return what a bin of one harvest costs: key of a payment -> amount.
 
-    `bins`: all of the harvest. `days`: as in `payments_of_long_run`.
+    `bins`: all of the harvest. `days`: None if the scenario has no shift; then the whole harvest is
+    one day.
     """
     seconds = 3600.0 * bins / bins_per_hour
     if days is None:
@@ -60,7 +62,10 @@ def payments_of_harvest(
 
 
 def _payments(scenario: Scenario, days: list[Day], bins: float) -> dict[str, float]:
-    """Return what is paid on some days for a bin of theirs, without what costs nothing."""
+    """Return what a bin costs: key of a payment -> amount, without those of which nothing is paid.
+
+    `days`: on which the work is done. `bins`: that are filled on all these days together.
+    """
     prices = scenario.prices
     pickers = scenario.pickers
     carriers = scenario.carrier_count
@@ -82,14 +87,17 @@ def _payments(scenario: Scenario, days: list[Day], bins: float) -> dict[str, flo
 
 
 def _up_to_least(prices: Prices, days: list[Day], bins: float) -> float:
-    """Return what a picker gets on all days beside its hours and bins. `bins`: that it fills."""
+    """Return what one picker is paid on all days up to the least of a day, beside hours and bins.
+
+    `bins`: that it fills on all days together.
+    """
     least = prices.picker_least_per_day
     if least is None:
         return 0.0
     seconds = sum(day.count * day.seconds for day in days)
-    rest = 0.0
+    up_to_least = 0.0
     for day in days:
         earned = day.hours * (prices.picker_per_hour or 0.0)
         earned += bins * day.seconds / seconds * (prices.picker_per_bin or 0.0)
-        rest += day.count * max(0.0, least - earned)
-    return rest
+        up_to_least += day.count * max(0.0, least - earned)
+    return up_to_least

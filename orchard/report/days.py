@@ -1,9 +1,12 @@
-"""The days of a harvest: its time is working time, and a shift says which day and hour that is.
+"""The working days of a harvest.
 
-Robots stop where they are at a day's end, and go on from there the next morning. Carriers must be
-at home by then. So all work of a day ends earlier by the time that a carrier needs at most for a
-job and the way home, on free roads: from then on only jobs are finished. That is a little less than
-a day allows, because pickers could go on until the end.
+The time of a harvest is working time, without nights. A shift says on which day and at which hour
+that is. Each morning the robots go on from where they stopped.
+
+Carriers must be at home when a day ends. So the work of a day ends earlier by the time that a
+carrier needs at most for a job and the way home, on free roads: in that time only jobs that were
+begun are finished. That counts a little less than a day allows, because pickers could go on until
+the end.
 """
 
 import math
@@ -12,25 +15,26 @@ from dataclasses import dataclass
 from orchard.field.scenario import Scenario, WorkShift
 from orchard.report.bounds import Bounds
 
-# S: a harvest that ends so much after a day's end has ended with that day.
+# s. A harvest that ends at most this much after a day's end ends on that day: its length is a
+# float.
 ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
 class Day:
-    """Some days that are alike: how long each is, and which part of a harvest it does."""
+    """Some days that are alike."""
 
     count: int
-    hours: float  #: that are paid
-    seconds: float  #: of the harvest
+    hours: float  #: that are paid on each of them
+    seconds: float  #: of the harvest's time that each of them does, less than its hours
 
 
 @dataclass(frozen=True)
 class WorkDays:
-    """The days of a harvest. `homing_seconds`: how long before a day's end its work ends."""
+    """The days of a harvest."""
 
     shift: WorkShift
-    homing_seconds: float
+    homing_seconds: float  #: how long before a day's end its work ends
 
     @property
     def day_seconds(self) -> float:
@@ -68,11 +72,11 @@ class WorkDays:
 def work_days(scenario: Scenario, bounds: Bounds) -> WorkDays | None:
     """Return the days of a harvest; None if the scenario has no shift.
 
-    `bounds`: those of the scenario. If a carrier's job is longer than half of a day, a day still
-    does half of its time.
+    `bounds`: those of the scenario. Where a carrier's job is longer than half a day, a day still
+    does half of its time, so that a harvest ends at all.
     """
     if not scenario.shift.is_set:
         return None
     longest_job = max(times.cycle for times in bounds.of_pickers.values())
-    most = scenario.shift.work_seconds / 2.0
-    return WorkDays(scenario.shift, min(longest_job, most))
+    half_a_day = scenario.shift.work_seconds / 2.0
+    return WorkDays(scenario.shift, min(longest_job, half_a_day))

@@ -1,4 +1,4 @@
-"""What a user should know of an absence that begins when the harvest may be over."""
+"""A note on pickers that leave (`picker_absences` of the scenario) after the harvest's end."""
 
 from functools import lru_cache
 
@@ -9,7 +9,9 @@ from orchard.report.summary import clock
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def notes_on_absences(layout: Layout) -> tuple[str, ...]:
-    """Return a note for each picker whose absence begins after the harvest, if nobody waits."""
+    """Return a note for each picker of which an absence begins when the harvest, if no robot waits
+    in it, is over.
+    """
     absences = layout.scenario.picker_absences
     if not absences:
         return ()

@@ -1,18 +1,18 @@
 """The limit of a question: what an orchard allows without traffic, whatever the seed.
 
-A seed may draw how fast each row is picked. Then one run has the rows of its own seed, and its
-summary has the limit of those rows. The page, `orchard bound` and a study ask about any such
-orchard. So they show one limit: that of rows which are all picked in their mean time. It depends on
-no seed, and on no number of runs.
+A scenario may let the seed draw how fast each row is picked (`picking.spread`). Then one run has
+the rows of its seed, and its summary has the limit of those rows. The page, `orchard bound` and
+`orchard study` ask about the orchard, whatever the seed. So they show one limit: that of rows which
+are all picked in their mean time. It depends neither on the seed nor on the number of runs.
 
-Robots that pick fast rows by chance may exceed this limit, though not that of their own rows. So a
-study shows what its runs tell of rows of the mean speed. A long run is asked for shares of its own
-plan, and has the rate that follows from them and this limit (`orchard.report.long_run`). One
-harvest has its own share of the limit of its own rows, times this limit (`rate_in_mean_rows`).
+A run whose rows are fast by chance may exceed this limit, though not the limit of its own rows. So
+`orchard study` converts the rate of each run to rows of the mean speed. The long run computes its
+rate so from the beginning (`orchard.report.long_run`). The rate of one harvest is divided by the
+limit of its own rows, and multiplied by this limit (`rate_in_mean_rows`).
 
-The limit counts full bins. The last bin of each picker in one harvest may be part full. So the rate
-of a harvest, beside the limit, counts the full bins that its fruit would fill: `full_bins` of a
-whole harvest, `delivered_full_bins` of a run up to now.
+The limit counts full bins, but the last bin of each picker in a harvest may be part full. So where
+the rate of a harvest stands beside the limit, it counts the full bins that its fruit would fill:
+`full_bins` of a whole harvest, `delivered_full_bins` of a run up to now.
 """
 
 from functools import lru_cache
@@ -22,9 +22,10 @@ from orchard.field.passes import FULL_WITHIN
 from orchard.field.scenario import Scenario, Spread
 from orchard.report.bounds import Bounds
 
+# Seeds of scenarios are 0 to SEEDS - 1.
 SEEDS = 2**63
-# A seed that the limit uses whatever the scenario's is. With built-in classes any other gives the
-# same limit.
+# The seed with which the limit is computed, whatever the scenario's is. Any other gives the same
+# limit, unless a class of the user's own draws by the seed.
 LIMIT_SEED = 1
 
 
@@ -57,23 +58,26 @@ def _bounds(layout: Layout) -> Bounds:
 def rate_in_mean_rows(rate: float, own_limit: float, limit: Bounds) -> float:
     """Return the rate that a run would have in rows of the mean speed, bins/h.
 
-    It is as far below the limit as the run was below that of its own rows. `rate`: of the run,
-    `own_limit`: of its rows, both in bins/h; `limit`: that of rows of the mean speed.
+    It is the same share of the limit there as the run's rate is of the limit of its own rows.
+    `rate`: of the run, bins/h. `own_limit`: of the run's rows, bins/h. `limit`: of rows of the mean
+    speed.
     """
     return rate * (limit.bins_per_hour / own_limit)
 
 
 def full_bins(layout: Layout) -> float:
-    """Return how many full bins the fruit of a harvest fills; all of them if a row fills one."""
+    """Return how many full bins the fruit of a harvest fills. Where each row fills one bin, that is
+    the number of rows.
+    """
     if layout.scenario.bin_metres is None:
         return layout.bins
     return sum(lane.length for lane in layout.lanes) / layout.scenario.bin_metres
 
 
 def delivered_full_bins(layout: Layout, bins: int, metres: float) -> float:
-    """Return how many full bins the fruit of the bins that were delivered fills.
+    """Return how many full bins the fruit of delivered bins fills.
 
-    `metres`: of row that are in them.
+    `bins`: how many bins were delivered. `metres`: how many metres of row were picked into them.
     """
     metres_of_full = layout.scenario.bin_metres
     if metres_of_full is None or metres >= bins * (metres_of_full - FULL_WITHIN):

@@ -1,31 +1,39 @@
-"""The long run of the fast model: a harvest that goes on, beside what it could be without traffic.
+"""The long-run rate of an orchard, bins an hour, from a harvest of the event model that goes on.
 
-A run ends, and its figures are those of the bins that it happened to fill: one more of a fast row,
-or at the nearer end of a row. So a plain count of bins may exceed any limit a little. The run is
-therefore asked for two shares only, and the limit's own means, which `Bounds` has, do the rest.
+`orchard study` asks for it. Pickers pick their rows again and again until enough is measured.
+Terms: an exchange is the moment at which a picker gets an empty bin for a full one. A plan is what
+a picker or a carrier does without traffic, with its times. A round of a picker is the fewest rows
+after which it has the same rows before it again (`orchard.field.rounds`).
+
+The rate is not a count of bins. A run ends somewhere, and a count has the bins that it happened to
+fill by then: perhaps one more of a fast row, or one more at the nearer end of a row. So a count may
+exceed the limit (`Bounds`) a little. Instead two ratios are measured, and the means of the limit
+are multiplied by them.
 
 1. How fast was each picker, as a share of its plan? Between two exchanges no picker needs less time
    than its plan takes for them on free roads. So over any exchanges the time by the plan is at most
    the time that passed. Their ratio, at most 1, times the picker's rate in the limit is its rate x.
    So the sum of all x is at most the limit of the pickers. Where the seed draws how fast rows are
-   picked, the plan is that of its own rows, and the limit that of rows which take their mean times.
+   picked, the plan has the drawn times of the run's rows, and the limit has mean times.
 2. How long was a carrier busy for a bin, as a multiple of its plan? No job takes less than its
    plan. That ratio, at least 1, times the mean time C of the picker's bins in the limit is the time
-   d that a carrier needs for one. All carriers together have the time of c carriers, so the sum of
-   all x * d is at most c. Where the windows of pickers are of different times, it may come out
-   higher: some pickers were served in the one part of the run, and others in the other. Then all
-   rates are lowered until carriers have as much to do as they can. So the sum of all x * C is at
-   most c, which is the limit of the carriers if pickers fill as many bins each. The same holds for
-   chargers, and for the bay, at which bins came at least as far apart as the two closest ones.
+   d that a carrier needs for one bin. So the sum of all x * d is the number of carriers that are
+   needed, and that is at most the number c of carriers. It may come out higher, because pickers are
+   measured over different parts of the run, and one was served more in its part. Then all rates are
+   lowered until the sum is c. Because d is at least C, the sum of all x * C is at most c. That is
+   the limit of the carriers if pickers fill equally many bins. Chargers are treated in the same
+   way, and so is the bay: there a bin takes at least the time between the two deliveries of the run
+   that were closest together.
 
-So no job that is cut by the begin or the end of a run counts for more than it is: a job counts
-whole, with all of its time, or not at all.
+A job that begins before the measured part, or is not done at the run's end, does not count at all.
+Every other one counts with all of its time.
 
-Three things are beyond this argument. Repairs are drawn, and the limit has their mean: in a run
-with few of them robots are faster. If pickers fill unequal numbers of bins, those near the queue
-most of them, all could fill more than by the mean of C. A policy that serves the picker that has
-waited for longest does not do so where carriers have no time left. A policy that goes to the
-nearest bin does: there `Bounds` counts as much more as a long run allows.
+The rate may still exceed the limit in two ways. Repairs are drawn, and the limit has their mean: in
+a run with few repairs robots are faster. And pickers may fill unequal numbers of bins. If those
+near the queue fill most of them, all together can fill more than by the mean of C. A policy that
+serves the picker that has waited for longest does not do so where carriers have no time left. A
+policy that goes to the nearest bin does: for it `Bounds` raises the limit as far as LEAST_SHARE
+allows.
 """
 
 from collections.abc import Sequence
@@ -47,15 +55,20 @@ from orchard.plans.routes import route_of
 from orchard.plans.steps import FetchEmpty
 from orchard.report.bounds import LEAST_SHARE, Bounds, plan_of_pass
 
-# Bins that each picker fills at least.
+# How long a run is: these numbers were chosen, as a compromise between accuracy and time. How sure
+# a rate is, a study tells from several runs.
+# Bins that the fastest picker fills at least.
 LEAST_BINS = 24
-# How often those with most rows pick theirs, if each fills a bin.
+# How often the picker with most rows picks all of its rows at least, if a row fills one bin; less
+# often if it fills several.
 LEAST_ROUNDS = 3
-# That each carrier charges, by the mean, if it is busy for that share; others charge while they
-# wait.
+# How often each carrier charges at least in the measured part, on average.
 CHARGES = 6.0
+# Share of its time. For the number of charges a carrier counts as busy for at least this share: one
+# that is less busy would need a very long run, and charges while it waits anyway.
 LEAST_BUSY = 0.25
-# Share of the bins that is left out.
+# Share of the bins, at a run's begin, that is not measured: robots begin in their places, not as in
+# the middle of a harvest.
 BEGINNING = 0.4
 
 
@@ -67,11 +80,12 @@ def long_run(
 ) -> DiscreteFigures:
     """Let all pickers pick their rows again and again, and measure.
 
-    `rows_each`: how many rows each picker picks at least; None: as many as a good figure needs.
-    `bounds`: those of the layout, if they are known already. `limit`: that of the same orchard, for
-    which the rate is told, such as one in which rows take their mean times; None: `bounds`.
-    Raises ValueError as `DiscreteHarvest` does, and Jam. It raises Jam too if a policy leaves a
-    picker out: the rate would be that of the others' rows.
+    `rows_each`: how many rows the fastest picker picks at least; None: as many as a good figure
+    needs. `bounds`: of the layout, if they are computed already. `limit`: the limit whose means the
+    rate has, as of the same orchard in which rows take their mean times; None: `bounds`.
+
+    Raises ValueError as `DiscreteHarvest` does, and Jam if robots wait for each other. It raises
+    Jam too if a policy leaves a picker out: the rate would be that of the others' rows.
     """
     bounds = bounds or Bounds(layout)
     limit = limit or bounds
@@ -88,8 +102,10 @@ def long_run(
     battery = run.battery
     if rows_each or not battery.hours:
         return figures
+    # The run was too short to say how often carriers charge. Do it again, long enough for CHARGES:
+    # the first one says how long a row takes.
     busy = max(LEAST_BUSY, figures.carrier_utilisation)
-    # From one charge to the next.
+    # From the begin of one charge to the begin of the next one.
     charge_seconds = (
         3600.0 * (1.0 - battery.reserve) * (battery.hours / busy + battery.hours_to_charge)
     )
@@ -101,7 +117,7 @@ def long_run(
 
 @dataclass(frozen=True)
 class _PickerFigures:
-    """What the whole rounds of a picker tell."""
+    """What was measured in the whole rounds of a picker, in means of the limit."""
 
     rate: float  #: bins/s, if carriers have the time for it
     carrier_seconds: float  #: for which a carrier is busy for one bin, charging included
@@ -114,8 +130,8 @@ class _LongRun:
     """
 
     def __init__(self, layout: Layout, bounds: Bounds, limit: Bounds, least_rows: int) -> None:
-        """`bounds`: those of the layout; `limit`: that for which the rate is told. `least_rows`:
-        that the fastest picker picks at least.
+        """`bounds`, `limit`: as in `long_run`. `least_rows`: how many rows the fastest picker picks
+        at least.
         """
         self.layout = layout
         self.bounds = bounds
@@ -123,17 +139,20 @@ class _LongRun:
         self.rounds = {name: round_of(layout, block) for name, block in layout.blocks.items()}
         self.least_rows = least_rows
         longest = max(whole.least_rows for whole in self.rounds.values())
-        # A picker of slow rows needs longer for its rounds, and the others go on until then.
+        # The harvest must have so many rows that no picker is done before all have their rounds.
+        # While the slowest picker picks the rows of its rounds, the fastest one picks more: by the
+        # ratio of their times for a row, and by how much less often a picker may be served.
         seconds = [self._row_seconds(block) for block in layout.blocks.values()]
-        others_rows = ceil(longest * max(seconds) / (LEAST_SHARE * min(seconds)))
-        self.harvest = DiscreteHarvest(layout, least_rows + others_rows)
+        rows_meanwhile = ceil(longest * max(seconds) / (LEAST_SHARE * min(seconds)))
+        self.harvest = DiscreteHarvest(layout, least_rows + rows_meanwhile)
         self.harvest.spread_charges()
         self.battery = layout.scenario.carrying.battery
         self.pickers = list(layout.blocks)
+        # The bins that are filled while each picker picks one row.
         bins_a_row = 0.0
         for whole in self.rounds.values():
             bins_a_row += whole.bins / whole.rows
-        # The bins of the beginning are left out.
+        # The index of the delivery from which on it is measured.
         self.first_bin = int(BEGINNING * least_rows * bins_a_row)
 
     def figures(self) -> DiscreteFigures:
@@ -141,9 +160,11 @@ class _LongRun:
         harvest = self.harvest.run(self._goes_on)
         is_measured = self._is_measured
         if not is_measured and self._picks:
+            # The harvest stopped though it should go on: robots wait for each other.
             raise harvest.jam()
         self._demand_that_all_are_served()
         if not is_measured:
+            # A picker was done with all its rows before another one had its rounds.
             raise Jam("some pickers fill too few bins for a rate: too few carriers come to them")
         since = self.since
         until = harvest.deliveries[-1]
@@ -152,6 +173,7 @@ class _LongRun:
             picker_waiting_seconds=harvest.picker_waiting_seconds(since, until),
             carrier_utilisation=harvest.carrier_utilisation(since, until),
             sim_seconds=until - since,
+            # The delivery at `since` begins the time, and is not in it.
             bins=harvest.delivered - self.first_bin - 1,
         )
 
@@ -164,22 +186,23 @@ class _LongRun:
         return deliveries[self.first_bin]
 
     def _goes_on(self) -> bool:
+        """Whether the harvest is not long enough yet, and can still be."""
         return self._picks and not self._is_measured
 
     @property
     def _picks(self) -> bool:
-        """Whether no picker is done yet."""
+        """Whether each picker still has rows to pick."""
         return all(self.harvest.share_done(name) < 1.0 for name in self.pickers)
 
     @property
     def _is_measured(self) -> bool:
         """Whether the fastest picker has done its least rows, and each one its whole rounds."""
-        return any(map(self._has_least_rows, self.pickers)) and all(
-            map(self._has_rounds, self.pickers)
-        )
+        if not any(map(self._has_least_rows, self.pickers)):
+            return False
+        return all(map(self._has_rounds, self.pickers))
 
     def _has_least_rows(self, name: str) -> bool:
-        """Whether a picker has done its least rows."""
+        """Whether a picker has filled as many bins as the least number of rows fills."""
         whole = self.rounds[name]
         least_bins = self.least_rows * whole.bins / whole.rows
         return len(self.harvest.exchanges[name]) >= least_bins
@@ -192,30 +215,40 @@ class _LongRun:
         """
         scenario = self.layout.scenario
         rate = 0.0
-        carriers = 0.0
-        chargers = 0.0
+        # How many carriers and chargers all pickers would keep busy at these rates.
+        needed_carriers = 0.0
+        needed_chargers = 0.0
         for name in self.pickers:
             figures = self._picker_figures(name)
             rate += figures.rate
-            carriers += figures.rate * figures.carrier_seconds
-            chargers += figures.rate * figures.charger_seconds
-        closest = inf
-        deliveries = self.harvest.deliveries
-        bays = scenario.bays
-        for before, after in zip(deliveries, deliveries[bays:], strict=False):
-            closest = min(closest, (after - before) / bays)
-        # How many times as much as each part can do these rates ask for.
-        excess = [
-            carriers / scenario.carrier_count,
-            chargers / max(1, scenario.chargers),
-            rate * closest,
+            needed_carriers += figures.rate * figures.carrier_seconds
+            needed_chargers += figures.rate * figures.charger_seconds
+        loads = [
+            needed_carriers / scenario.carrier_count,
+            needed_chargers / max(1, scenario.chargers),
+            rate * self._least_bay_seconds(),
             rate / self.limit.terms.get("trailers", inf),
             rate / self.limit.terms.get("truck", inf),
         ]
-        return rate / max(1.0, *excess)
+        # Each load is what these rates ask of a part of the orchard, as a share of what it can do.
+        # Where one is above 1, the rates are lowered until the largest one is 1.
+        return rate / max(1.0, *loads)
+
+    def _least_bay_seconds(self) -> float:
+        """Return the time for a bin in which the bay took bins fastest, s.
+
+        `scenario.bays` bins may be unloaded together. So each delivery is compared with the one
+        that many later.
+        """
+        deliveries = self.harvest.deliveries
+        bays = self.layout.scenario.bays
+        least = inf
+        for before, after in zip(deliveries, deliveries[bays:], strict=False):
+            least = min(least, (after - before) / bays)
+        return least
 
     def _picker_figures(self, name: str) -> _PickerFigures:
-        """Return what the last whole rounds of a picker tell, which it must have done."""
+        """Return what was measured in the last whole rounds of a picker. It must have done them."""
         whole = self.rounds[name]
         exchanges = self._measured(name)
         plan = self._plan(name, len(exchanges))
@@ -224,22 +257,24 @@ class _LongRun:
         for exchange in exchanges:
             charging = exchange.battery_used * to_charge
             busy = (exchange.carrier_ticks or 0.0) * TIME_STEP
-            run.add(0.0, busy + charging, charging)
+            # An exchange has the time of the run, so no seconds of the picker are added up.
+            run.add(seconds=0.0, carrier_seconds=busy + charging, charger_seconds=charging)
             run.exchange(exchange.tick * TIME_STEP)
         limit = self.limit.of_pickers[name]
-        share = _ratio(whole, plan.exchanged, run.exchanged)
-        carriers = _ratio(whole, run.carriers, plan.carriers)
-        chargers = 0.0
+        # The first is at most 1, the others are at least 1: see the head of this module.
+        share_of_plan = _ratio(whole, plan.exchanged, run.exchanged)
+        multiple_of_job = _ratio(whole, run.carriers, plan.carriers)
+        multiple_of_charge = 0.0
         if limit.charging:
-            chargers = _ratio(whole, run.chargers, plan.chargers)
+            multiple_of_charge = _ratio(whole, run.chargers, plan.chargers)
         return _PickerFigures(
-            rate=share / (limit.picking + limit.crossing + limit.waiting),
-            carrier_seconds=carriers * (limit.cycle + limit.charging),
-            charger_seconds=chargers * limit.charging,
+            rate=share_of_plan / limit.of_picker,
+            carrier_seconds=multiple_of_job * (limit.cycle + limit.charging),
+            charger_seconds=multiple_of_charge * limit.charging,
         )
 
     def _measured(self, name: str) -> list[Exchange]:
-        """Return the exchanges of a picker since the beginning, up to the first unfinished job."""
+        """Return the finished exchanges of a picker in the measured part of the run."""
         measured = list[Exchange]()
         since = self.since
         for exchange in self._finished(name):
@@ -248,9 +283,7 @@ class _LongRun:
         return measured
 
     def _finished(self, name: str) -> list[Exchange]:
-        """Return the exchanges of a picker up to the first one of which the carrier is
-        still out.
-        """
+        """Return the exchanges of a picker before the first one whose carrier is still out."""
         finished = list[Exchange]()
         for exchange in self.harvest.exchanges[name]:
             if exchange.carrier_ticks is None:
@@ -263,23 +296,26 @@ class _LongRun:
         return self.rounds[name].suffice(len(self._measured(name)))
 
     def _plan(self, name: str, count: int) -> "_Needs":
-        """Return what the plans say of the last finished exchanges of a picker, so many of them."""
+        """Return what the last `count` finished exchanges of a picker take by the plans."""
+        # Exchanges are numbered from the harvest's begin, from 0.
         last = len(self._finished(name)) - 1
         first = last + 1 - count
         passes = self.layout.passes(self.harvest.layout.blocks[name])
         route = route_of(self.layout)
         plan = _Needs()
         number = 0
+        # A pass is one drive of a picker through a row. The plan of a pass depends on the next one.
         for current, after in pairwise((*passes, passes[0])):
             if number >= first:
                 times = self.bounds.pass_times(current, after)
                 plan.add(
-                    seconds=times.picking + times.crossing + times.waiting,
+                    seconds=times.of_picker,
                     carrier_seconds=times.cycle + times.charging,
                     charger_seconds=times.charging,
                 )
             if current.leaves_bin:
                 if number >= first:
+                    # A pass ends at the head of the next row, so its exchange was earlier.
                     plan.exchange(-_going_on(route, current, after))
                 number += 1
             if number > last:
@@ -289,7 +325,11 @@ class _LongRun:
     # -- whether it is a rate of all pickers
 
     def _demand_that_all_are_served(self) -> None:
-        """Raise Jam if a picker did far less than the others, by its rows and by its work."""
+        """Raise Jam if a picker did less than LEAST_SHARE of what another one did.
+
+        It counts as served if its share of its rows or its time at work is large enough: a picker
+        of slow rows does fewer rows in the same time.
+        """
         done = {}
         work = {}
         for name in self.pickers:
@@ -300,10 +340,10 @@ class _LongRun:
         shares = []
         for name in self.pickers:
             shares.append((max(done[name] / most_done, work[name] / most_work), name))
-        share, last = min(shares)
+        share, least_served = min(shares)
         if share < LEAST_SHARE:
             raise Jam(
-                f"{last} has done {100.0 * share:.0f} % of its rows when another picker has"
+                f"{least_served} has done {100.0 * share:.0f} % of its rows when another picker has"
                 " done all: too few carriers come to it"
             )
 
@@ -316,9 +356,10 @@ class _LongRun:
 
 @dataclass
 class _Needs:
-    """What a picker needs for its bins, and what carriers and chargers do for it, cumulated, s.
+    """The time that a picker needs for its bins, and that carriers and chargers need for them.
 
-    Each list has one time for each exchange.
+    Each list has one value for each exchange, s: the sum from the first counted pass, or exchange,
+    up to this exchange.
     """
 
     exchanged: list[float] = field(default_factory=list)  #: when the picker has the empty bin
@@ -329,7 +370,7 @@ class _Needs:
     _charger_seconds: float = 0.0
 
     def add(self, seconds: float, carrier_seconds: float, charger_seconds: float) -> None:
-        """Count the times of a pass through a row, or of an exchange."""
+        """Count the times of a pass through a row, or of an exchange, s."""
         self._seconds += seconds
         self._carrier_seconds += carrier_seconds
         self._charger_seconds += charger_seconds
@@ -342,14 +383,18 @@ class _Needs:
 
 
 def _going_on(route: OneWay, current: Pass, after: Pass) -> float:
-    """Return for how long a picker drives after an exchange to the head of its next row, s."""
+    """Return the time from a picker's exchange until it is at the head of its next row, s."""
     plan = plan_of_pass(route, current, after)
     return plan[-1].ends - begin_of(FetchEmpty, plan)
 
 
 def _ratio(whole: Round, seconds: Sequence[float], others: Sequence[float]) -> float:
-    """Return the ratio of two times over the same whole rounds. Both are cumulated, by exchange."""
-    rate = whole.rate(seconds)
-    other_rate = whole.rate(others)
-    assert rate is not None and other_rate is not None
-    return other_rate / rate
+    """Return the ratio of `seconds` to `others` over the same whole rounds.
+
+    Both have a value for each exchange, as in `_Needs`, and enough exchanges for whole rounds.
+    """
+    bins_a_second = whole.rate(seconds)
+    bins_in_others = whole.rate(others)
+    assert bins_a_second is not None and bins_in_others is not None
+    # Bins for each second: the longer time has the smaller rate.
+    return bins_in_others / bins_a_second

@@ -1,8 +1,10 @@
-"""What a whole harvest was lost to: parts that add up to its length.
+"""What a whole harvest lost its time to: parts that add up to its length (`lost_seconds`).
 
 What batteries, waits in the bay and absences of pickers cost is the difference of two harvests of
-the event model: one with them, and one of the same layout without. So what the model is off by
-counts as none of them.
+the event model: one with them, and one of the same layout without them. An error of the model is in
+both, so it counts as none of these costs.
+
+A layout is "alone" here if no people, animals or tractor are in it, and its sensors are exact.
 """
 
 from dataclasses import replace
@@ -26,12 +28,17 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
     """Split the length of a whole harvest, s, into parts that add up to it; {} if it has agents, a
     policy or a route of the user's own.
 
-    `optimum`: what is proven of the shortest harvest without traffic. `dispatch`: what the policy,
-    and robots that fail, lose without traffic. `absences`: what pickers that are away cost then.
-    `traffic`: what robots lose to each other.
-    `load_out`: what trailers, the truck and a lack of empty bins cost then. `charging`: what
-    batteries cost then. `people_and_animals`: the rest. Without a proof `schedule` is the first
-    two.
+    Each part is what comes on top of the parts before it:
+
+    - `optimum`: the time that is proven to be needed in any harvest without traffic;
+    - `dispatch`: what the policy, and robots that fail, lose without traffic;
+    - `absences`: what pickers that are away cost;
+    - `traffic`: what robots lose to each other;
+    - `load_out`: what waits for trailers, the truck and empty bins cost;
+    - `charging`: what batteries cost;
+    - `people_and_animals`: the rest, which includes the tractor and errors of sensors.
+
+    Without a proof the first two are one part, `schedule`.
     """
     scenario = layout.scenario
     if not _is_built_in(scenario):
@@ -41,24 +48,26 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
     waits = scenario.load_out.has_trailers or scenario.load_out.has_truck
     costs = {}
     is_disturbed = alone.scenario != scenario
-    rest = seconds
+    # The length in the model of the harvest from which the next cost is taken away.
+    modelled = seconds
     if has_batteries or waits or is_disturbed:
-        rest = _length_alone(alone, seconds)
-    # The length without people and animals.
-    own = seconds
+        modelled = _length_alone(alone, seconds)
+    # The length without people and animals: without them it is that of the run itself.
+    undisturbed_seconds = seconds
     if is_disturbed:
-        own = rest
+        undisturbed_seconds = modelled
     if has_batteries:
-        without = with_endless_batteries(alone)
-        costs["charging"] = rest - _length_alone(without, rest)
-        alone = without
-        rest -= costs["charging"]
+        alone = with_endless_batteries(alone)
+        without_batteries = _length_alone(alone, modelled)
+        costs["charging"] = modelled - without_batteries
+        modelled -= costs["charging"]
     if waits:
-        costs["load_out"] = rest - _length_alone(with_nothing_to_wait_for(alone), rest)
+        costs["load_out"] = modelled - _length_alone(with_nothing_to_wait_for(alone), modelled)
     parts = _parts_without_traffic(layout)
-    parts["traffic"] = own - sum(costs.values()) - sum(parts.values())
+    parts["traffic"] = undisturbed_seconds - sum(costs.values()) - sum(parts.values())
     parts |= costs
-    parts["people_and_animals"] = seconds - own
+    parts["people_and_animals"] = seconds - undisturbed_seconds
+    # A small negative part is rounded to -0.0, and adding 0.0 makes that 0.0.
     return {name: round(part, 1) + 0.0 for name, part in parts.items()}
 
 
@@ -69,12 +78,12 @@ def _is_built_in(scenario: Scenario) -> bool:
 
 
 def _parts_without_traffic(layout: Layout) -> dict[str, float]:
-    """Return what a harvest takes on free roads, with batteries that last and a bay that takes each
-    bin at once, s.
+    """Return the parts of a harvest's length, s, that it has on free roads, with batteries that
+    last and a bay that takes each bin at once.
     """
     proven = proven_seconds(layout)
-    # On free roads a carrier may stop before its picker is out of its way, and be faster than is
-    # proven.
+    # On free roads robots pass through each other: a carrier may stop at a lane while its picker
+    # still stands there. So such a harvest can be shorter than what is proven, which then counts.
     present = with_nobody_away(without_waits(layout))
     schedule = max(seconds_on_free_roads(present), proven or 0.0)
     parts = {"schedule": schedule}
@@ -93,8 +102,8 @@ def seconds_without_waits(layout: Layout) -> float:
 
 
 def without_waits(layout: Layout) -> Layout:
-    """Return a layout in which nothing is random, nobody is in the way, batteries last, and the bay
-    takes each bin at once.
+    """Return the layout without people, animals, tractor and errors of sensors, with batteries that
+    last and a bay that takes each bin at once.
     """
     return with_nothing_to_wait_for(with_endless_batteries(ideal_of(layout)))
 
@@ -102,7 +111,7 @@ def without_waits(layout: Layout) -> Layout:
 def _length_alone(layout: Layout, seconds: float) -> float:
     """Return the length of a harvest in the event model, s, at most `seconds`.
 
-    One that does not end there tells nothing.
+    A harvest that jams in the model has no length. Then it is `seconds`: nothing counts as lost.
     """
     harvest = harvested(layout)
     if not harvest.is_over:

@@ -1,5 +1,8 @@
 """Figures of a harvest, from events and states: how good it is, and whether it still makes
 progress.
+
+A run (the physics process, or a run in one process) updates `HarvestFigures` and `History` at each
+tick, and asks `harvest_figures` for the part of its summary that a repetition would have too.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,37 +25,38 @@ from orchard.sim import physics
 from orchard.sim.state_times import StateTimes
 from orchard.sim.world import World
 
-# A run is jammed if for so long no metre was picked and no step of work was finished.
+# A run is jammed if for this many simulated seconds no metre was picked and no step of work was
+# finished. The longest step is a carrier's drive home past all rows: 300 s in an orchard of
+# JAM_METRES from north to south, at JAM_SPEED in m/s. In a longer orchard, or with slower robots, a
+# run is jammed later, in proportion.
 JAM_SECONDS = 600.0
-# The longest step is a carrier's drive home past all rows. In an orchard that is longer from north
-# to south than so many metres, or whose robots are slower than so many m/s, it takes longer, and a
-# run is jammed later by as much.
 JAM_METRES = 300.0
 JAM_SPEED = 1.0
 
 
 @dataclass
 class HarvestFigures:
-    """The figures of a run, updated at each tick. All of it is plain data."""
+    """The figures of a run, updated at each tick. All of it is plain data, for snapshots."""
 
-    #: s for which a picker stood with a full bin, or without one, until it coupled an empty one.
-    #: The time in which it moves meanwhile, to where it waits, does not count.
+    #: For each bin that was exchanged: s for which the picker stood before it coupled an empty bin,
+    #: since the moment at which its bin was full and it last moved.
     waits: list[float] = field(default_factory=list)
     #: Picker that has filled its bin -> tick since which it stands, or at which the bin was full.
     waiting_since: dict[str, int] = field(default_factory=dict)
-    #: Of all carriers.
+    #: Ticks of all carriers together: so many at each tick as there are carriers.
     carrier_ticks: int = 0
     #: Of these, outside the queue, or away at the load-out.
     busy_ticks: int = 0
-    #: Of all carriers.
+    #: Of these, at a charger; and with a flat battery.
     charging_ticks: int = 0
     flat_ticks: int = 0
-    #: In which a full bin stood in the bay, which did not take it.
+    #: In which a full bin stood in the bay, and the bay could not take it.
     bay_waiting_ticks: int = 0
     weeds_flattened: int = 0
     #: Agent -> tick at which it first was broken.
     broken: dict[str, int] = field(default_factory=dict)
-    #: Decisions of the dispatch policy that could not be.
+    #: Decisions of the dispatch policy that the dispatcher refused, as they could not be carried
+    #: out.
     orders_refused: int = 0
     #: Picker or carrier -> steps of its plan that it has finished.
     steps: dict[str, int] = field(default_factory=dict)
@@ -66,11 +70,13 @@ class HarvestFigures:
         """Account for the tick that has just ended. `answers`: of the agents that were asked."""
         for event in events:
             self._count(event)
+        # A wait begins anew as long as the picker still moves.
         for name in self.waiting_since:
             if world.twist[world.layout.index[name]].any():
                 self.waiting_since[name] = world.tick
         for name, action in answers.items():
             if action is not None and action.state == "broken":
+                # The answer was given before the tick was counted.
                 self.broken.setdefault(name, world.tick - 1)
         queue = world.layout.queue.area
         self.carrier_ticks += len(world.fixed.carriers)
@@ -85,10 +91,9 @@ class HarvestFigures:
         self.watch(world, answers)
 
     def watch(self, world: World, answers: Mapping[str, Action | None]) -> None:
-        """Account for a tick as far as it decides whether a run goes on: its progress, and orders
-        refused.
+        """Account for what decides whether a run goes on at a tick: progress, and orders refused.
 
-        A program that needs no other figure calls this in place of `update`.
+        A program that needs no other figure calls this in place of `update`. `answers`: as there.
         """
         self.orders_refused += orders_refused(answers)
         has_progress = world.has_picked or world.is_any_stopped or world.is_any_plugged
@@ -97,7 +102,8 @@ class HarvestFigures:
             # An agent that gave no action has done no step.
             if action is None or action.steps_done == self.steps.get(name, 0):
                 continue
-            # Bins count what happens to them, and agents of a user whatever they like.
+            # Only steps of pickers and carriers are progress. A bin counts messages in the same
+            # field, and an agent of the user's own may count anything.
             if kind_of(name) in HAULERS:
                 self.steps[name] = action.steps_done
                 has_progress = True
@@ -122,7 +128,7 @@ class HarvestFigures:
             self.weeds_flattened += 1
 
     def jammed(self, world: World) -> bool:
-        """Whether there was no progress for ten simulated minutes, longer beyond 300 m."""
+        """Whether there was no progress for JAM_SECONDS, longer in large orchards."""
         return self._has_stood(world, 1)
 
     def stuck(self, world: World) -> bool:
@@ -137,8 +143,9 @@ class HarvestFigures:
             return False
         metres = world.layout.top - world.layout.bottom
         slowest = min(world.layout.machines[kind].speed for kind in HAULERS)
-        longer = max(1.0, JAM_SPEED / slowest)
-        return seconds >= JAM_SECONDS * longer * max(1.0, metres / JAM_METRES)
+        by_speed = max(1.0, JAM_SPEED / slowest)
+        by_size = max(1.0, metres / JAM_METRES)
+        return seconds >= JAM_SECONDS * by_speed * by_size
 
 
 def orders_refused(answers: Mapping[str, Action | None]) -> int:
@@ -147,9 +154,9 @@ def orders_refused(answers: Mapping[str, Action | None]) -> int:
     return int(dispatcher is not None and dispatcher.state == "broken")
 
 
-def who_waits(actions: Mapping[str, Action]) -> list[str]:
-    """Return a line for each robot that waits, or has failed: what it does, and what it
-    waits for.
+def lines_of_waits(actions: Mapping[str, Action]) -> list[str]:
+    """Return a line for each robot that waits for something, or has failed: its name, what it does,
+    and what it waits for.
     """
     lines = []
     for name, action in sorted(actions.items()):
@@ -164,8 +171,9 @@ def who_waits(actions: Mapping[str, Action]) -> list[str]:
 
 
 def collisions(world: World, kinds: tuple[str, ...] = ROBOTS) -> int:
-    """Return the number of collisions that bodies of these kinds began: as many as there are
-    events.
+    """Return the number of collisions that bodies of these kinds began.
+
+    Each has an event of its own: two robots that drive into each other are two collisions.
     """
     count = 0
     for name, i in world.layout.index.items():
@@ -243,8 +251,10 @@ def _distances(world: World) -> dict[str, float]:
 
 
 FIRST_STEP = 100  # ticks between two samples at first: 10 s
-# As soon as there are so many samples, every second one is dropped, and the step doubles.
+# As soon as there are this many samples, every second one is dropped, and the step doubles. A graph
+# of 400 points shows all that a screen can.
 MOST_SAMPLES = 400
+# Places of the waiting states in a list with an element for each of STATES.
 WAITING = [STATES.index(state) for state in WAITING_STATES]
 
 # The columns of a history: s since the start; bins; s for which all pickers together have waited; s
@@ -280,7 +290,10 @@ class History:
 
 
 def sample_of(world: World, states: StateTimes, busy_ticks: int) -> Sample:
-    """Return the totals up to this tick. `busy_ticks`: of all carriers outside the queue."""
+    """Return the totals up to this tick.
+
+    `busy_ticks`: for which carriers were outside the queue, all carriers together.
+    """
     waiting = 0
     for name, ticks in states.counts.ticks.items():
         if kind_of(name) == "picker":
@@ -294,9 +307,11 @@ def sample_of(world: World, states: StateTimes, busy_ticks: int) -> Sample:
 
 
 def shares(history: Mapping[str, Sequence[float]], name: str, robots: int) -> list[float]:
-    """Return between samples the mean share of their time, 0 to 1, that a column says of robots.
+    """Return for each sample of a history the share of their time that robots spent in something
+    since the sample before: 0 to 1.
 
-    `name`: a column of SAMPLED in s of all robots together. `robots`: how many these are.
+    `name`: the column of SAMPLED that has the time spent, in s of all robots together. `robots`:
+    how many these are.
     """
     times = pairwise([0.0, *history["seconds"]])
     totals = pairwise([0.0, *history[name]])

@@ -30,6 +30,27 @@ COLOURS = {
 OTHER_ROAD = "#777777"
 # Pixels for a metre.
 PIXELS = 12
+# Sizes that were chosen by the look of the drawing, m.
+# Ground around the fences that is drawn, and the strip above the orchard that holds a title.
+MARGIN = 1.0
+TITLE_STRIP = 5.0
+# Height of the title's letters, at most. A letter is about 0.6 as wide as high, so that a title of
+# n letters, LETTERS_IN_WIDTH / n of the width high, fills nearly the whole width.
+TITLE_HEIGHT = 2.4
+LETTERS_IN_WIDTH = 1.6
+# From the top fence up to the title.
+ABOVE_FENCE = 1.7
+ROBOT_LABEL_HEIGHT = 1.8
+ROW_LABEL_HEIGHT = 0.9
+# From a row's middle to where its label begins, to the west and to the south.
+ROW_LABEL_WEST = 2.0
+ROW_LABEL_SOUTH = 0.3
+# Half of the drawn width of a row.
+HALF_ROW = 1.0
+# Half of the length and width of a tree's crown.
+HALF_TREE = (2.75, 0.5)
+# Half of the length of a line at which robots stop.
+HALF_STOP_LINE = 0.75
 # Where a robot's label begins, m east and north of a robot that stands along the rows, or across.
 BESIDE_ALONG_ROWS = (-1.2, 1.3)
 BESIDE_ACROSS_ROWS = (1.2, -0.6)
@@ -114,14 +135,14 @@ class Drawing:
 
 def orchard_plan(layout: Layout, title: str = "") -> str:
     """Return the drawing of the whole orchard, with all bodies at their starts, and a title."""
-    # m above the orchard.
-    above = 1
+    above = MARGIN
     if title:
-        above = 5
-    drawing = Drawing(layout, X_WEST - 1, layout.bottom - 1, layout.east + 1, layout.top + above)
+        above = TITLE_STRIP
+    drawing = _whole_orchard(layout, above)
     if title:
-        height = min(2.4, 1.6 * (layout.east + 1 - X_WEST) / len(title))
-        drawing.label(X_WEST, layout.top + 1.7, title, height)
+        width = layout.east + MARGIN - X_WEST
+        height = min(TITLE_HEIGHT, LETTERS_IN_WIDTH * width / len(title))
+        drawing.label(X_WEST, layout.top + ABOVE_FENCE, title, height)
     for start in layout.starts:
         half_x, half_y = _half_sizes(start.kind)
         paint = _paint(start.kind)
@@ -134,7 +155,7 @@ def present_plan(world: World) -> str:
     body where it is.
     """
     layout = world.layout
-    drawing = Drawing(layout, X_WEST - 1, layout.bottom - 1, layout.east + 1, layout.top + 5)
+    drawing = _whole_orchard(layout, TITLE_STRIP)
     for number, lane in enumerate(layout.lanes):
         _picked(drawing, lane, world.row_ends[number].tolist(), float(world.row_picked[number]))
     for name, i in layout.index.items():
@@ -145,15 +166,28 @@ def present_plan(world: World) -> str:
     all_metres = layout.mean_length * len(layout.lanes)
     picked = f"{world.row_picked.sum():.0f} of {all_metres:.0f} m picked"
     words = f"{clock(world.seconds)}, {picked}, {world.delivered} bins delivered"
-    drawing.label(X_WEST, layout.top + 1.7, words, 2.4)
+    drawing.label(X_WEST, layout.top + ABOVE_FENCE, words, TITLE_HEIGHT)
     return drawing.svg()
+
+
+def _whole_orchard(layout: Layout, above: float) -> Drawing:
+    """Return a drawing of ground and roads, with a strip of `above` m above the top fence."""
+    return Drawing(
+        layout,
+        west=X_WEST - MARGIN,
+        south=layout.bottom - MARGIN,
+        east=layout.east + MARGIN,
+        north=layout.top + above,
+    )
 
 
 def _picked(drawing: Drawing, lane: Lane, ends: list[float], total: float) -> None:
     """Draw what is picked of a row: from its west, from its east, and inside it.
 
-    `ends`: as a row of `World.row_ends`, m. `total`: m picked.
+    `ends`: the row's line of `World.row_ends`, m. `total`: m picked.
     """
+    # The part inside, if there is one, is given by its ends too: m from the row's west end to its
+    # east edge, and m from the row's east end to its west edge; else both are 0.
     from_west, from_east, inside_west, inside_east = ends
     inside_begin = lane.length - inside_east
     parts = (
@@ -165,7 +199,7 @@ def _picked(drawing: Drawing, lane: Lane, ends: list[float], total: float) -> No
     words = f"row {lane.number}: {total:.1f} m picked"
     for begin, end in parts:
         middle = lane.west + (begin + end) / 2
-        drawing.box(middle, lane.y, (end - begin) / 2, 1.0, style, title=words)
+        drawing.box(middle, lane.y, (end - begin) / 2, HALF_ROW, style, title=words)
 
 
 def _half_sizes(kind: str) -> tuple[float, float]:
@@ -187,6 +221,7 @@ def _present_body(drawing: Drawing, name: str, pose: Pose, share: float) -> None
     half_x, half_y = _half_sizes(kind)
     paint = _paint(kind)
     if kind == "bin":
+        # An empty bin can still be seen.
         paint = f"{paint};fill-opacity:{0.15 + 0.85 * share:.2f}"
     drawing.box(pose.x, pose.y, half_x, half_y, paint, title=name, yaw=pose.yaw)
     if kind in ("picker", "carrier"):
@@ -195,7 +230,7 @@ def _present_body(drawing: Drawing, name: str, pose: Pose, share: float) -> None
         if nearest_heading(pose.yaw) in ("EAST", "WEST"):
             place = BESIDE_ALONG_ROWS
         label = f"{kind[0].upper()}{number_of(name)}"
-        drawing.label(pose.x + place[0], pose.y + place[1], label, 1.8)
+        drawing.label(pose.x + place[0], pose.y + place[1], label, ROBOT_LABEL_HEIGHT)
 
 
 def _ground(drawing: Drawing, layout: Layout) -> None:
@@ -210,12 +245,14 @@ def _ground(drawing: Drawing, layout: Layout) -> None:
         drawing.line([(x, layout.bay.south), (x, layout.bay.north)], edge)
     for lane in layout.lanes:
         middle = (lane.east + lane.west) / 2
-        drawing.box(middle, lane.y, lane.length / 2, 1.0, f"fill:{COLOURS['lane']};opacity:0.6")
-        drawing.label(middle - 2.0, lane.y - 0.3, f"row {lane.number}", 0.9)
+        style = f"fill:{COLOURS['lane']};opacity:0.6"
+        drawing.box(middle, lane.y, lane.length / 2, HALF_ROW, style)
+        west = middle - ROW_LABEL_WEST
+        drawing.label(west, lane.y - ROW_LABEL_SOUTH, f"row {lane.number}", ROW_LABEL_HEIGHT)
     for line in layout.lines:
         for x in line.trees_x:
-            drawing.box(x, line.y, 2.75, 0.5, f"fill:{COLOURS['tree']};opacity:0.7")
-    # The first four walls are the fences.
+            drawing.box(x, line.y, *HALF_TREE, f"fill:{COLOURS['tree']};opacity:0.7")
+    # The first four walls are the fences, which are drawn above. The others are trunks and posts.
     for x, y, half_x, half_y in layout.walls[4:]:
         drawing.box(x, y, half_x, half_y, f"fill:{COLOURS['trunk']}")
 
@@ -240,4 +277,4 @@ def _roads(drawing: Drawing, layout: Layout) -> None:
         drawing.line([(area.west, y), (area.east, y)], style)
     for name, x, y in route.holds():
         style = f"stroke:{COLOURS.get(name, OTHER_ROAD)};stroke-width:3"
-        drawing.line([(x - 0.75, y), (x + 0.75, y)], style)
+        drawing.line([(x - HALF_STOP_LINE, y), (x + HALF_STOP_LINE, y)], style)

@@ -1,5 +1,6 @@
-"""Progress of a run in the terminal: a live table, or plain lines if the output is not a
-terminal.
+"""Progress of a run in the terminal: a live table, or plain lines if the output is not a terminal.
+
+The process that starts a run calls it (`orchard.launch`).
 """
 
 import math
@@ -20,23 +21,20 @@ from orchard.field.kinds import ROBOTS, kind_of, short_name
 from orchard.report.summary import clock, headline_of
 
 LINE_SECONDS = 2.0  # s of wall time between two plain lines
-# Seconds of wall time between two plain lines while the run gets ready. A terminal shows each one.
+# The same while the run gets ready, s. A live table shows each second.
 STILL_SECONDS = 10.0
 NARROWEST = 24  # characters, the minimum width of a column
 SILENT = "no agent"  # shown for a robot that has lost its agent
-# What a robot does that is shown in red.
+# What robots do that is shown in red: robots that cannot go on.
 STANDS = (STOPPED, SILENT)
 
 
 @dataclass(frozen=True)
 class EndOfRun:
-    """When a run will be done, simulated s.
+    """When a run will be done, by a forecast. Of 20 forecasts 19 are right, within `within`."""
 
-    Of 20 such runs 19 are done at most `within` s earlier or later.
-    """
-
-    seconds: float
-    within: float
+    seconds: float  #: simulated, since the run's start
+    within: float  #: s earlier or later
 
 
 class Progress:
@@ -51,6 +49,7 @@ class Progress:
         self.console = console
         self._as_json = as_json
         self._until = until
+        # Returns the forecast of the run's end; at first there is none.
         self._end_of_run: Callable[[], EndOfRun | None] = lambda: None
         self._live: Live | None = None
         if console.is_terminal and not as_json:
@@ -63,7 +62,8 @@ class Progress:
             )
         # s, monotonic time of the last plain line.
         self._printed = 0.0
-        # The names of all robots shown so far, in order.
+        # The names of all robots shown so far, in order: a robot that has lost its agent stays in
+        # the table.
         self._seen: dict[str, None] = {}
         # Is set once the first figures have come.
         self._has_begun = threading.Event()
@@ -81,8 +81,8 @@ class Progress:
             self._live.stop()
 
     def get_ready(self, words: str) -> None:
-        """Print what the run does before it begins and, until its first figures come, how long it
-        has done so. These lines are text for people in any case: the page shows them.
+        """Print what the run does before it begins, and then how long it does so, until its first
+        figures come. With `as_json` these lines are still text: the page shows them to people.
         """
         self.say(words)
         self.preparing = threading.Thread(target=self._show_that_it_goes_on, daemon=True)
@@ -102,7 +102,10 @@ class Progress:
                 self.say(words)
 
     def tell_end(self, end_of_run: Callable[[], EndOfRun | None]) -> None:
-        """Show from now on when the run will be done. `end_of_run`: returns that, or None."""
+        """Show from now on when the run will be done.
+
+        `end_of_run`: returns the newest forecast, or None if there is none.
+        """
         self._end_of_run = end_of_run
 
     def show(
@@ -110,7 +113,8 @@ class Progress:
     ) -> None:
         """Update the table, or print a line if the last one is LINE_SECONDS old.
 
-        `waits_for`: robot -> agent or thing.
+        `figures`: of the run's summary so far. `doing`: robot -> what it does. `waits_for`: robot
+        -> agent or thing.
         """
         self._has_begun.set()
         headline = headline_of(figures)
@@ -140,12 +144,13 @@ def robots(
 ) -> Table:
     """Return a table of what each robot does, for a console of `width` x `height` characters.
 
-    Bins only follow other robots: they are left out if one column is too short for all. The last
-    line says how many robots have no room.
+    Bins are left out if one column is too short for all robots: they only follow other robots. The
+    last line says how many robots have no room.
     """
     names = []
     for kind in ROBOTS:
         names += [name for name in sorted(doing) if kind_of(name) == kind]
+    # Lines of the table: all but the headline, one below the table, and one for the cursor.
     room = max(4, height - 3)
     if len(names) > room:
         names = [name for name in names if kind_of(name) != "bin"]
@@ -160,15 +165,17 @@ def robots(
     table = Table.grid(padding=(0, 1, 0, 0))
     for _ in range(columns):
         table.add_column(width=width // columns - 1, no_wrap=True, overflow="ellipsis")
+    # Names go down the first column, then down the next one.
     for line in range(lines):
-        table.add_row(*(_line(name, doing, waits_for) for name in names[line::lines][:columns]))
+        in_line = names[line::lines][:columns]
+        table.add_row(*[_line(name, doing, waits_for) for name in in_line])
     if is_full:
         table.add_row(Text(f"and {len(names) - lines * columns} more", "yellow"))
     return table
 
 
 def _line(name: str, doing: Mapping[str, str], waits_for: Mapping[str, str]) -> Text:
-    """Return a robot's short name, as columns are narrow, what it does, and what it waits for."""
+    """Return a robot's short name, what it does, and what it waits for, for a narrow column."""
     words = doing[name]
     waited_for = waits_for.get(name)
     colour = ""

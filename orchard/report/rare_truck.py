@@ -1,4 +1,8 @@
-"""What a user should know of a truck that comes more rarely than the harvest lasts."""
+"""A note for a user whose scenario has a truck that first comes after the harvest's end.
+
+The truck brings empty bins to the bay (`load_out.truck`), and the bay begins with some
+(`load_out.empty_bins`).
+"""
 
 from functools import lru_cache
 
@@ -9,8 +13,10 @@ from orchard.report.summary import clock
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def notes_on_truck(layout: Layout) -> tuple[str, ...]:
-    """Return that a harvest would be over before the first truck comes, if it need not wait for it,
-    and what follows: empty bins suffice without a truck, or carriers wait in the bay.
+    """Return a note if the harvest would be over before the first truck comes; else nothing.
+
+    The note says what follows: the empty bins at the bay suffice, so that no truck is needed, or
+    carriers wait in the bay for the truck.
     """
     load_out = layout.scenario.load_out
     every = load_out.truck.every

@@ -1,5 +1,7 @@
-"""The summary of a run: the figures that it must have, as a file and as a table; what it says in
-sentences.
+"""The summary of a run: the figures that it must have, as a file, as a table, and in sentences.
+
+A summary is a dictionary, as `orchard.report.metrics` and the processes of a run make it. Its keys
+and their meaning are in docs/reference.md.
 """
 
 import json
@@ -15,6 +17,7 @@ from rich.table import Table
 from orchard.contract.agent import WAITING_STATES
 from orchard.terminal.files import KindOfFile
 
+# Key of a figure -> its unit, with what is meant, as the table has it after the value.
 UNITS = {
     "metres_picked": "m",
     "sim_seconds": "s",
@@ -59,11 +62,13 @@ UNUSUAL = (
 )
 # A rate is of 'full bins' if part-full ones lack more than this share of all; else of 'bins'.
 FEW = 0.001
-# Of a line of progress.
+# Characters of a line of progress, at most.
 LINE_COLUMNS = 80
+# %. What a sum of floats may lack.
+ROUNDING = 1e-9
 # How many broken agents a line of progress names.
 NAMED = 3
-# What an empty map of a key means.
+# Key -> what the table says if its value is an empty dictionary.
 OF_NONE = {
     "lost_seconds": (
         "known of a complete harvest only, of built-in classes, not stopped, not forked with"
@@ -91,7 +96,7 @@ class Headline(msgspec.Struct, kw_only=True):
     carrier_utilisation: float
     # Kind of robot -> state -> s, all robots of the kind together.
     state_seconds: dict[str, dict[str, float]]
-    #: Each with the tick since which it is.
+    #: Each as 'picker_01, since tick 30'.
     broken_agents: list[str] = []
     # Simulated s at which the harvest will be done, and within what; None: it is not known.
     done_seconds: float | None = None
@@ -125,12 +130,14 @@ class Headline(msgspec.Struct, kw_only=True):
         if self.done_seconds is not None:
             rest = max(0.0, self.done_seconds - self.sim_seconds)
             return self._until_end(rest, until)
+        # No forecast. The harvest takes at least its schedule without traffic; with traffic it is
+        # late, and then the share that is not done yet tells more.
         rest_by_schedule = self.schedule_sim_seconds - self.sim_seconds
         rest_by_share = (1.0 - self.fraction) * self.schedule_sim_seconds
         return self._until_end(max(rest_by_schedule, rest_by_share), until)
 
     def _until_end(self, rest: float, until: float | None) -> float:
-        """Return a rest of simulated time as wall time, s."""
+        """Return a rest of simulated time, s, at most up to `until`, as wall time, s."""
         if until is not None:
             rest = min(rest, max(0.0, until - self.sim_seconds))
         return rest / self.times_real_time
@@ -146,7 +153,8 @@ class Headline(msgspec.Struct, kw_only=True):
         return words
 
     def line(self, until: float | None = None) -> str:
-        """Return the headline as a line of at most 80 characters, and the broken agents.
+        """Return the headline as a line of at most LINE_COLUMNS characters, and after these the
+        broken agents.
 
         Of the texts for the simulated time it takes the longest one for which there is room.
         `until`: as in `seconds_left`.
@@ -168,8 +176,8 @@ class Headline(msgspec.Struct, kw_only=True):
         return line
 
     def _times(self) -> list[str]:
-        """Return the simulated time in words: alone, with the time of the end, and with its
-        uncertainty.
+        """Return the simulated time in words, from the shortest text to the longest one: alone,
+        with the time of the end, and with its uncertainty.
         """
         times = [f"{self.sim_seconds:7.1f} s"]
         if self.done_seconds is None:
@@ -191,7 +199,7 @@ class Headline(msgspec.Struct, kw_only=True):
 
 
 def headline_of(figures: Mapping[str, Any]) -> Headline:
-    """The main figures among those of a run. Raises ValueError if one is missing."""
+    """Return the main figures among those of a run. Raises ValueError if one is missing."""
     return msgspec.convert(figures, Headline)
 
 
@@ -217,7 +225,8 @@ def unusual_figures(summary: dict[str, Any]) -> dict[str, Any]:
     return {key: summary[key] for key in UNUSUAL if summary.get(key)}
 
 
-# A summary of a harvest, a study, a benchmark, futures, a decision and a bound: its first two keys.
+# By its first two keys a file is known as a summary before it is overwritten. In this order: of a
+# harvest, a study, a benchmark, futures, the moment that decides, and a bound.
 _FIRST_KEYS = (
     (b"hash", b"mode"),
     (b"answer", b"orchard"),
@@ -238,9 +247,9 @@ def write_summary(path: Path, summary: dict[str, Any]) -> None:
 
 
 def write_if_wanted(path: Path | None, summary: dict[str, Any]) -> str:
-    """Write a summary, if a file is wanted.
+    """Write a summary, if a file is wanted: `path` is None if not.
 
-    Return why it is not written, with its path; "" if it is.
+    Return why it could not be written, with its path; "" if all is well.
     """
     try:
         if path is not None:
@@ -290,7 +299,8 @@ def _without_unit(key: str, value: Any) -> str:
     return str(value)
 
 
-# Other words come from the processes of the run.
+# Value of a summary's `ended` -> begin of the sentence. Other values come from the processes of the
+# run, such as a signal, and are shown as they are.
 ENDS = {
     "duration": "Ended by --duration",
     "stopped": "Stopped",
@@ -332,7 +342,8 @@ def _counted_bins(delivered: int, per_hour: float, seconds: float) -> str:
     return "bins"
 
 
-# Parts of `lost_seconds` beside what a harvest takes at least, in words.
+# Key of `lost_seconds` -> the same in words. What a harvest takes at least is no loss, and left
+# out.
 LOSSES = {
     "dispatch": "the dispatch policy",
     "absences": "pickers that are away",
@@ -351,8 +362,9 @@ def bottleneck_words(part: str) -> str:
 
 
 def limit_sentence(outcome: Outcome) -> str:
-    """Return the second sentence: what limits the rate; if known, how far the harvest is from the
-    optimum, and to what most was lost.
+    """Return the second sentence of a summary: what limits the rate.
+
+    If it is known, it also says how far the harvest is from the optimum, and the largest loss.
     """
     parts = [
         f"What limits it: {bottleneck_words(outcome.bottleneck)}, to"
@@ -431,7 +443,9 @@ def share_picked(metres: float, all_metres: float) -> str:
 
     Rounded down, it is 100 % only when all is picked.
     """
-    return f"{int(100.0 * metres / all_metres + 1e-9)} %"
+    # Rows are added up as floats, and all of them may be a little less than the whole.
+    percent = 100.0 * metres / all_metres + ROUNDING
+    return f"{int(percent)} %"
 
 
 def _unfinished(outcome: Outcome) -> str:
@@ -446,7 +460,7 @@ def _unfinished(outcome: Outcome) -> str:
 
 
 def _count(items: list[str], name: str) -> str:
-    """Return how many there are, in words; nothing of none."""
+    """Return how many items there are, in words; "" if there are none."""
     if not items:
         return ""
     if len(items) == 1:

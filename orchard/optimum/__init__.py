@@ -1,8 +1,8 @@
 """How good can a harvest be? A proven bound on its time: the jobs of its carriers, and the schedule
 of them that ends first.
 
-A copy of a duration or a place may not live here: jobs are read from the plans that robots follow,
-as in `orchard.event_model`.
+No duration and no place is written down here: the jobs are computed from the plans that robots
+follow (`orchard.plans.jobs`), so that a changed plan changes the bound too.
 """
 
 

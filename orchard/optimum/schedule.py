@@ -1,8 +1,12 @@
-"""The schedule of a harvest's jobs that ends first, and a proof that none ends before a time, by
-the solver CP-SAT.
+"""The schedule of a harvest's jobs that ends first, and a proof that no schedule ends before a
+certain time, by the solver CP-SAT.
 
-Why no dispatch policy can beat it: each constraint is one that the simulator enforces, and whatever
-else it enforces is left out.
+A job is one exchange of bins: a carrier brings an empty bin to a lane, where it stops, takes the
+full one to the bay, and drives back to the queue (`TimedJob`). All times in the model are in ticks
+of 0.1 s. `orchard bound` and the summary of a run ask for the proof.
+
+Why no dispatch policy can be faster than what is proven: each constraint here is one that the
+simulator enforces too, and all its other rules are left out, so that the model allows more.
 
 - A picker goes on with its next row only once it has an empty bin. A carrier gets the lane's place
   only once the picker has left it.
@@ -34,16 +38,19 @@ from orchard.optimum import NoBound
 from orchard.plans.jobs import TimedJob, Use, jobs_of, least_headway, ticks
 from orchard.plans.routes import route_of
 
-# Of the solver, which it counts, so that the answer is the same on every machine: some seconds.
+# How much work the solver may do. It counts its own work ("deterministic time"), so the answer is
+# the same on every machine. A unit is about a second, so this is some seconds.
 WORK = 10.0
-# s of the clock: a net for machines that do far less work in a second than others. Busy ones need
-# some times as long as the work, and must not reach it.
+# A search also ends after LEAST_PATIENCE + PATIENCE_FOR_WORK * work seconds of the clock. That is a
+# safety net for very slow machines. A busy machine, which needs some seconds for a unit of work,
+# must not reach it, because then the answer depends on the machine.
 LEAST_PATIENCE = 600.0
 PATIENCE_FOR_WORK = 100.0
-# Share of the work for the search that finds schedules; the other one raises the bound step by
-# step.
+# Share of the work for the first search, which finds schedules. The rest is for the second one,
+# which raises the bound step by step.
 FIRST = 0.2
-# One worker: several would depend on each other's speed. Linear relaxations prove less here.
+# Parameters of the solver. One worker, because several depend on each other's speed. No linear
+# relaxations, because with them the solver proves less here in the same time.
 SEARCH = {
     "num_workers": 1,
     "linearization_level": 0,
@@ -56,12 +63,12 @@ SEARCH = {
 class Optimum:
     """The shortest time of a harvest."""
 
-    #: No dispatch policy makes a shorter harvest.
+    #: It is proven that no dispatch policy makes a shorter harvest.
     proven_seconds: float
-    #: Of the best schedule that was found.
+    #: The length of the best schedule that was found.
     best_seconds: float
     bins: int
-    #: The limit of the clock that ended a search before its work did, s; None: none did.
+    #: The limit of the clock that cut a search short, s; None: all searches did their work.
     cut_after_seconds: float | None = None
 
     @property
@@ -74,8 +81,9 @@ def optimum(layout: Layout, work: float = WORK, free_roads: bool = False) -> Opt
     """Return what is proven of the shortest harvest of an orchard, with exact sensors, without
     people and animals.
 
-    `work`: of the solver, at most. `free_roads`: no robot is in another's way, nor in the bay.
-    Raises NoBound for agents and steps of the user's own.
+    `work`: of the solver, at most; see WORK. `free_roads`: robots share neither roads nor the bay,
+    as if no robot were ever in another's way. Raises NoBound for agents and steps of the user's
+    own.
     """
     fault = _unknown(layout)
     if fault:
@@ -85,7 +93,7 @@ def optimum(layout: Layout, work: float = WORK, free_roads: bool = False) -> Opt
     least = schedule.least
     cuts = list[float]()
     if not free_roads:
-        # It is sooner proven, and true of both.
+        # With free roads a bound is proven sooner, and it holds with shared roads too.
         alone = optimum(layout, FIRST * work, free_roads=True)
         least = round(alone.proven_seconds / TIME_STEP)
         if alone.cut_after_seconds is not None:
@@ -97,11 +105,12 @@ def optimum(layout: Layout, work: float = WORK, free_roads: bool = False) -> Opt
         schedule.model.add(schedule.end >= least)
     first = _solved(schedule.model, FIRST * work)
     solvers = [first]
-    if not _has_solution(first) or first.best_objective_bound < first.objective_value:
+    is_optimal = _has_solution(first) and first.best_objective_bound >= first.objective_value
+    if not is_optimal:
         schedule.hint(first)
         solvers.append(_solved(schedule.model, (1.0 - FIRST) * work, use_objective_lb_search=True))
     proven: float = least
-    # One job after the other takes so long.
+    # If no schedule was found: one job after the other.
     best: float = schedule.horizon
     for solver in solvers:
         proven = max(proven, solver.best_objective_bound)
@@ -144,7 +153,7 @@ def _carrier_ticks(job: TimedJob) -> int:
 
 
 def _solved(model: CpModel, work: float, **search: bool) -> CpSolver:
-    """Return a solver that has searched. `work`: at most; `search`: more of its parameters."""
+    """Return a solver that has searched. `work`: at most; `search`: parameters beside SEARCH."""
     solver = CpSolver()
     for name, value in (SEARCH | search).items():
         setattr(solver.parameters, name, value)
@@ -155,9 +164,9 @@ def _solved(model: CpModel, work: float, **search: bool) -> CpSolver:
 
 
 def _cut_after(solver: CpSolver) -> float | None:
-    """Return the limit of the clock that ended a search, s; None if its work or a proof did.
+    """Return the limit of the clock that ended a search, s; None if its work or a proof ended it.
 
-    What the solver says of its time is no measure: it may end a little before the limit.
+    The time that the solver reports does not tell: a search may end a little before its limit.
     """
     parameters = solver.parameters
     response = solver.response_proto
@@ -168,8 +177,10 @@ def _cut_after(solver: CpSolver) -> float | None:
 
 
 class Schedule:
-    """The model: when each job's carrier stops at its lane, and when it stands in the bay, in
-    ticks.
+    """The model of the solver: when each job's carrier stops at its lane, and when it stands in the
+    bay.
+
+    Jobs are numbered from 0. The jobs of a picker stand together, in the order of its bins.
     """
 
     def __init__(self, jobs: Sequence[TimedJob], carriers: int) -> None:
@@ -177,8 +188,11 @@ class Schedule:
         self.jobs = jobs
         self.carriers = carriers
         self.model = CpModel()
+        # All variables of the model; see `_time`.
         self.times = list[IntVar]()
+        # No schedule need be longer than one in which one job is done after the other.
         self.horizon = sum(job.ready + _carrier_ticks(job) + job.going_on for job in jobs)
+        # By job: when its carrier stops at its lane, and when it stands in the bay.
         self.stops = [self._time(earliest) for earliest in self._earliest()]
         self.bays = [self._time() for _ in jobs]
         self.end = self._time(self.least)
@@ -190,23 +204,24 @@ class Schedule:
         self.model.minimize(self.end)
 
     def _time(self, earliest: int = 0) -> IntVar:
+        """Return a new variable of the model: a time from `earliest` to the horizon."""
         self.times.append(self.model.new_int_var(earliest, self.horizon, ""))
         return self.times[-1]
 
     def hint(self, solver: CpSolver) -> None:
-        """Let the next search begin with the schedule that one has found, if any."""
+        """Let the next search begin with the schedule that `solver` has found, if any."""
         if solver.response_proto.solution:
             for time in self.times:
                 self.model.add_hint(time, solver.value(time))
 
     def _before(self, number: int) -> int | None:
-        """Return the job of the same picker before a job; None if it is the first one."""
+        """Return the number of the picker's job before a job; None if it is its first one."""
         if number == 0 or self.jobs[number - 1].picker != self.jobs[number].picker:
             return None
         return number - 1
 
     def _went_on(self, number: int) -> LinearExprT:
-        """Return when the picker of a job went on before."""
+        """Return when the picker of a job went on with its next row, after its job before."""
         before = self._before(number)
         if before is None:
             return 0
@@ -225,9 +240,11 @@ class Schedule:
 
     @property
     def least(self) -> int:
-        """What needs no search: the end of the last job if each is done as early as can be, and of
-        all if no carrier ever waits. No carrier begins before its first job can, nor works on when
-        the harvest is over, but for its place in the queue.
+        """A bound on the harvest's end that needs no search: the later one of two.
+
+        The first is the end of the last job if each is done as early as its picker allows. The
+        second is the end if no carrier ever waits: carriers begin when the first jobs can begin,
+        share the work of all jobs evenly, and stop in the queue.
         """
         begins = []
         ends = []
@@ -236,9 +253,13 @@ class Schedule:
             ends.append(stop + job.to_bay + job.to_rest)
         last = max(ends)
         if len(self.jobs) < self.carriers:
+            # Some carriers do no job, so the work is not shared evenly.
             return last
+        # The sum over the carriers of the time at which each is done at the earliest.
         busy = sum(sorted(begins)[: self.carriers]) + sum(map(_carrier_ticks, self.jobs))
-        end_of_all = -(-busy // self.carriers) - max(job.to_head - job.to_rest for job in self.jobs)
+        # Rounded up. The last job of a carrier may end before the head of the queue, behind others.
+        mean_end = -(-busy // self.carriers)
+        end_of_all = mean_end - max(job.to_head - job.to_rest for job in self.jobs)
         return max(last, end_of_all)
 
     def _share_carriers(self) -> None:
@@ -251,6 +272,7 @@ class Schedule:
 
     def share_roads(self) -> None:
         """Let each place of the roads belong to one robot at a time."""
+        # Place -> the times in which a robot has it.
         occupied: dict[str, list[IntervalVar]] = {}
         for number, job in enumerate(self.jobs):
             for uses, begins in (
@@ -271,8 +293,9 @@ class Schedule:
     def share_bay(self, headway: int, bays: int) -> None:
         """Let the bay unload no more than so many bins at a time.
 
-        A carrier further back in it counts as if it came to the first place before it unloads.
-        `headway`: ticks from a carrier that leaves the bay to the next one there.
+        A carrier that unloads on a place further back counts as if it came to the first place.
+        `headway`: ticks from a carrier that leaves the bay to the next one there. `bays`: how many
+        bins can be unloaded together.
         """
         occupied = []
         for bay, job in zip(self.bays, self.jobs, strict=True):
@@ -285,7 +308,8 @@ class Schedule:
     def _place_in_order(self, number: int, at: IntVar, use: Use, begins: Any) -> None:
         """Tie the begin of a use to the stop and the bay of its job.
 
-        `at`: when the use begins, ticks; `begins`: the earliest stop, from which its time counts.
+        `number`: of the job. `at`: the variable for when the use begins. `begins`: the earliest
+        stop, in ticks. `use.at` counts from the stop, and is negative before it.
         """
         stop = self.stops[number]
         self.model.add(at >= begins + ticks(use.at))
@@ -293,4 +317,5 @@ class Schedule:
             self.model.add(stop >= at + ticks(-use.at))
         else:
             self.model.add(at >= stop + ticks(use.at))
+            # One tick less, because `ticks` rounds down.
             self.model.add(self.bays[number] >= at + self.jobs[number].to_bay - ticks(use.at) - 1)

@@ -18,6 +18,7 @@ NUMBER = pa.float64()
 TEXT = pa.string()
 
 
+# A column has its unit and a description in its metadata; a description may say what null means.
 def _column(name: str, kind: pa.DataType, unit: str, words: str) -> pa.Field:
     return pa.field(name, kind, metadata={"unit": unit, "description": words})
 
@@ -125,6 +126,7 @@ EXCHANGES = pa.schema(
 # -- the summary: one row, with the same columns whatever happened
 
 COUNT = pa.int64()
+# The keys of `lost_seconds` of a summary.
 LOSSES = (
     "optimum",
     "schedule",
@@ -135,6 +137,7 @@ LOSSES = (
     "load_out",
     "people_and_animals",
 )
+# Type -> the keys of a summary that are columns of this type. "a.b": key b in the dictionary at a.
 _OF_SUMMARY: dict[pa.DataType, tuple[str, ...]] = {
     TEXT: (
         "hash",

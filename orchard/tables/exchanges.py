@@ -1,4 +1,8 @@
-"""The exchange of bins, by events and messages: calls for carriers, and exchanges."""
+"""The tables `calls` and `exchanges`, computed from the tables `events` and `messages` of a run.
+
+A call: a bin asks for a carrier, sends for one, and the carrier agrees and fetches it. An exchange:
+a picker leaves a full bin and gets an empty one. `orchard.tables.columns` describes the columns.
+"""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -18,13 +22,14 @@ CALLING = ("call", "fetch")
 
 
 def calls(events: Iterable[Row], messages: Iterable[Row]) -> list[NewRow]:
-    """Return the calls of all bins, by their first messages.
+    """Return the calls of all bins, in the order of their first messages.
 
     A call ends when a carrier couples the bin.
     """
     coupled = [event for event in events if event["what"] == "coupled"]
     book = _CallBook()
     for row in sorted([*messages, *coupled], key=lambda row: row["tick"]):
+        # Only events have this column.
         if "what" in row:
             book.take_coupling(row)
         else:
@@ -49,7 +54,7 @@ class _CallBook:
             del self._open[event["whom"]]
 
     def take_message(self, message: Row) -> None:
-        """Take a bin's question, or a carrier's agreement; other messages change nothing."""
+        """Take a bin's question, its order, or a carrier's agreement."""
         if message["type"] in CALLING:
             self._take_call(message)
         elif message["type"] == "come":
@@ -76,7 +81,7 @@ class _CallBook:
         self._open[name]["asked"] += 1
 
     def _take_order(self, message: Row) -> None:
-        """Note for which carrier a bin sends. The question is repeated: the first one counts."""
+        """Note for which carrier a bin sends. The bin repeats that: the first message counts."""
         call = self._open.get(message["sender"])
         if call is not None and call["carrier"] != message["recipient"]:
             call["carrier"] = message["recipient"]
@@ -84,7 +89,7 @@ class _CallBook:
             call["agreed"] = None
 
     def _take_agreement(self, message: Row) -> None:
-        """Note when the carrier agreed. The answer is repeated: the first one counts."""
+        """Note when the carrier agreed. It repeats that: the first message counts."""
         call = self._open.get(message["recipient"])
         if call is not None and call["carrier"] == message["sender"] and call["agreed"] is None:
             call["agreed"] = message["tick"]
@@ -107,7 +112,8 @@ class _ExchangeBook:
         self._waiting: dict[str, NewRow] = {}
         # Full bin -> its exchange until it is unloaded.
         self._filled: dict[str, NewRow] = {}
-        # Empty bin -> the carrier that left it, and when.
+        # Empty bin -> the columns `carrier` and `brought`: which carrier left it, and at which
+        # tick.
         self._brought: dict[str, NewRow] = {}
 
     def take(self, event: Row) -> None:
@@ -129,7 +135,8 @@ class _ExchangeBook:
                 self._filled.pop(who, None)
 
     def _begin(self, event: Row) -> None:
-        """Begin the exchange of a bin that is full, on a picker."""
+        """Begin the exchange of a bin that a picker has filled."""
+        # As the event says it: "row 3, 17.5 m".
         row, metres = event["detail"].removeprefix("row ").removesuffix(" m").split(", ")
         exchange: NewRow = dict.fromkeys(EXCHANGES.names)
         exchange |= {
@@ -146,7 +153,7 @@ class _ExchangeBook:
     def _supply(self, event: Row) -> None:
         """Note the empty bin that a picker couples.
 
-        It may couple the full one anew: that ends no exchange.
+        A picker may lose its full bin and couple it anew: that ends no exchange.
         """
         exchange = self._waiting[event["who"]]
         bin_ = event["whom"]

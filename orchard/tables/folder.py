@@ -1,6 +1,8 @@
-"""The folder of a run's tables.
+"""The folder of a run's tables: which files there are, whether a run may write there, and how
+tables grow.
 
-It says which files there are, whether a run may write there, and how tables grow.
+A table that grows while the run goes on is a folder of numbered Parquet files, its parts. The
+others are one file each.
 """
 
 import re
@@ -29,7 +31,8 @@ from orchard.tables.columns import (
 PART = r"\d{6,}\.parquet"
 # Rows of a file. The newest file is written again until it has as many.
 MOST_ROWS = 50_000
-# Columns of numbers that seldom come again: their bytes compress better in planes.
+# Columns of numbers that seldom come twice. They compress better if all first bytes are stored
+# together, then all second bytes, and so on (BYTE_STREAM_SPLIT), than by a dictionary of values.
 PLANES = ("x", "y", "yaw", "measured_x", "measured_y", "odometry_x", "odometry_y", "odometry_yaw")
 
 
@@ -49,15 +52,19 @@ class GrowingTable:
     """
 
     def __init__(self, folder: Path, schema: pa.Schema, until: int) -> None:
-        """Rows from tick `until` on are of an earlier attempt, and are removed. Raises OSError."""
+        """Open the table, and remove the rows from tick `until` on: the run does these steps anew.
+
+        Raises OSError.
+        """
         self.schema = schema
         self._folder = folder
         folder.mkdir(parents=True, exist_ok=True)
         for torn in half_written(folder, PART):
             torn.unlink()
         self._remove_from(until)
+        # Of the newest part, from 1: behind those that an earlier process of the run has written.
         self._number = max((int(part.stem) for part in files_of(folder)), default=0) + 1
-        # The rows of the newest part.
+        # The rows of the newest part, which is written again with each addition until it is full.
         self._newest = schema.empty_table()
 
     def add(self, rows: pa.Table) -> None:
@@ -82,10 +89,12 @@ class GrowingTable:
         return self._folder / f"{number:06d}.parquet"
 
     def _remove_from(self, until: int) -> None:
+        """Remove the rows from tick `until` on, and files that then have no rows."""
         for part in reversed(files_of(self._folder)):
             rows = pq.read_table(part)
             early = rows.filter(pc.field("tick") < until)
             if len(early) == len(rows) > 0:
+                # Rows are in the order of ticks, so the files before have early rows only.
                 return
             if len(early):
                 write_table(part, early.replace_schema_metadata(self.schema.metadata))
@@ -105,7 +114,7 @@ def files_of(table: Path) -> list[Path]:
 
 # The key of the scenario, as JSON, in the metadata of each file.
 SCENARIO = b"orchard.scenario"
-# While the run goes on.
+# Table -> its columns: tables that grow while the run goes on, and those written at its end.
 GROWING = {"bodies": BODIES, "events": EVENTS, "messages": MESSAGES}
 AT_THE_END = {"calls": CALLS, "exchanges": EXCHANGES}
 SUMMARY_NAME = "summary"
@@ -117,10 +126,12 @@ def path_of(folder: Path, table: str) -> Path:
 
 
 def check_folder(folder: Path, scenario: Scenario, tick: int | None = None) -> None:
-    """Make the folder. `tick`: at which a resumed run goes on.
+    """Make the folder, and check that a run may write its tables there.
 
-    Raises OSError, or ValueError for tables there. A run that is resumed goes on with its own ones.
+    `tick`: at which a resumed run goes on; None: a new run. A resumed run goes on with its own
+    tables. Raises OSError, or ValueError for other tables there.
     """
+    # What a user can do, at the end of each message.
     instead = "; --table DIR names another folder"
     if tick is not None and files_of(path_of(folder, "bodies")):
         _check_tables(folder, scenario, tick, instead)
@@ -128,6 +139,7 @@ def check_folder(folder: Path, scenario: Scenario, tick: int | None = None) -> N
         _check_empty(folder, instead)
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        # Whether files can be made there is known only by making one.
         probe = folder / ".orchard"
         probe.touch()
         probe.unlink()
@@ -149,6 +161,7 @@ def _check_empty(folder: Path, instead: str) -> None:
 
 
 def _check_tables(folder: Path, scenario: Scenario, tick: int, instead: str) -> None:
+    """Raise ValueError if the tables in a folder are not those of a run that goes on at a tick."""
     there = f"{folder}: the tables there"
     try:
         file = files_of(path_of(folder, "bodies"))[-1]
@@ -184,7 +197,7 @@ def last_tick(folder: Path) -> int:
 def complete(folder: Path, summary: Mapping[str, Any]) -> list[str]:
     """Write the summary of a run beside its other tables.
 
-    Return what is wrong with these, as missing rows.
+    Return what is wrong with the tables, such as missing rows, in sentences; [] if all is well.
     """
     try:
         write_table(path_of(folder, SUMMARY_NAME), as_table(summary))
@@ -211,7 +224,10 @@ def as_table(summary: Mapping[str, Any]) -> pa.Table:
 
 
 def _values(summary: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield each value with its column. What is null is left out."""
+    """Yield the column and the value of each key of a summary, dictionaries within it included.
+
+    What is null is left out. `before`: the keys that lead there, as "forked_from.".
+    """
     for key, value in summary.items():
         name = before + key
         if name in AS_JSON or name == "scenario":

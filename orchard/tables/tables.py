@@ -1,4 +1,9 @@
-"""Writes the tables of a run into a folder while it runs, and finishes them at its end."""
+"""Writes the tables of a run (Parquet files) into a folder while it runs, and finishes them at its
+end.
+
+The physics process, or a run in one process, updates `Tables` after each step. `bodies`, `events`
+and `messages` grow; `calls` and `exchanges` follow from them at the end.
+"""
 
 import logging
 from collections.abc import Iterator, Mapping, Sequence
@@ -33,41 +38,46 @@ from orchard.tables.folder import (
     write_table,
 )
 
-# What a body is shown to do: its state, the same in words, and what it waits for.
+# The columns state, doing (in words) and waits_for of a body; None: null in the table.
 Status = tuple[str, str | None, str | None]
-# Of a body without a word from its agent.
+# Of a body whose agent has given no action, or that has no agent.
 SILENT: Status = ("resting", None, None)
 # Of a body that is stopped.
 STANDING: Status = ("stopped", STOPPED, None)
-# Types of the messages of a call.
+# Types of the messages that a call of a bin consists of: its question, the bin's order to a
+# carrier, and the carrier's agreement.
 OF_A_CALL = [*CALLING, "come", "yes"]
 
 log = logging.getLogger("orchard")
 
 
 class BodyRows:
-    """Collects the rows of all bodies, a tick at a time."""
+    """Collects the rows of all bodies, a tick at a time. There are n bodies, and a row for each."""
 
     def __init__(self, layout: Layout) -> None:
         self._index = layout.index
-        # Index -1: none.
+        # After the n names comes null: the name at index n.
         self._names = pa.array([*layout.names, None], TEXT)
         self._is_bin = np.array([kind_of(name) == "bin" for name in layout.names], dtype=bool)
         # The status of each body. It is never changed in place: many ticks share it.
         self._status = [SILENT] * len(layout.names)
         self._ticks: list[int] = []
+        # For each tick: poses, velocities and wanted velocities, (n, 3); partners and fills, (n,).
         self._kept: list[tuple[np.ndarray, ...]] = []
         self._statuses: list[list[Status]] = []
-        # The poses of each tick as measured; none if all are exact.
+        # For each tick the poses as measured, (n, 5): x and y, then x, y and yaw by odometry. Empty
+        # if all sensors are exact.
         self._inexact: list[np.ndarray] = []
 
     def __len__(self) -> int:
+        # The number of rows.
         return len(self._ticks) * len(self._status)
 
     def keep(self, engine: Engine) -> None:
         """Keep the rows of the step that has just been done."""
         world = engine.world
         self._hear(world, engine.answers)
+        # A body that is stopped is shown so, and what its agent does is kept for afterwards.
         stopped = dict.fromkeys(np.flatnonzero(world.stopped).tolist(), STANDING)
         self._statuses.append(_replaced(self._status, stopped))
         self._ticks.append(world.tick)
@@ -75,10 +85,11 @@ class BodyRows:
             self._inexact.append(engine.sensors.inexact())
         wanted = engine.lookahead.wanted
         arrays = (world.pose, world.twist, wanted, world.coupled, world.fill)
+        # The world changes its arrays in place.
         self._kept.append(tuple(array.copy() for array in arrays))
 
     def _hear(self, world: World, answers: Mapping[str, Action | None]) -> None:
-        """Note the status of each body that has an agent which was asked."""
+        """Note the status of each body whose agent was asked at this tick."""
         news = {}
         for name, action in answers.items():
             index = self._index.get(name)
@@ -89,7 +100,7 @@ class BodyRows:
         self._status = _replaced(self._status, news)
 
     def take(self) -> pa.Table:
-        """Return the rows that are kept, and forget them."""
+        """Return the rows that are kept, tick by tick and body by body, and forget them."""
         if not self._ticks:
             return BODIES.empty_table()
         count = len(self._ticks)
@@ -97,6 +108,7 @@ class BodyRows:
         poses, twists, wanted, coupled, fills = map(np.array, zip(*self._kept, strict=True))
         ticks = np.repeat(np.array(self._ticks, dtype=np.int32), n)
         bodies = np.tile(np.arange(n), count)
+        # A body that is not coupled has a negative index. It gets index n: null.
         partners = np.where(coupled >= 0, coupled, n).ravel()
         words = zip(*chain.from_iterable(self._statuses), strict=True)
         columns = [
@@ -131,7 +143,7 @@ def _columns(values: np.ndarray) -> list[np.ndarray]:
 
 
 def _replaced(old: list[Status], news: Mapping[int, Status]) -> list[Status]:
-    """Return the statuses with those that have changed, by index; the same list without any."""
+    """Return the statuses with news, by index of the body. Without news it is the same list."""
     if not news:
         return old
     return [news.get(index, status) for index, status in enumerate(old)]
@@ -146,15 +158,16 @@ def _status_of(world: World, name: str, action: Action | None) -> Status:
 
 
 class Tables:
-    """The tables of one run: `update` after a step, `flush` before a snapshot, `close`.
+    """The tables of one run: `update` after each step, `flush` before a snapshot, `close` at its
+    end.
 
-    A fault is logged once.
+    After a fault, such as a full disk, the run goes on without tables. The fault is logged once.
     """
 
     def __init__(self, folder: Path, engine: Engine) -> None:
-        """The run begins or goes on at the engine's tick.
+        """Open the tables, for a run that begins or goes on at the engine's tick.
 
-        Rows of later steps are removed: they come again.
+        A run that goes on from a snapshot does later steps anew, so their rows are removed.
         """
         self._folder = folder
         self._bodies = BodyRows(engine.layout)
@@ -170,7 +183,7 @@ class Tables:
         for name in (*AT_THE_END, SUMMARY_NAME):
             path_of(self._folder, name).unlink(missing_ok=True)
         for name, schema in GROWING.items():
-            # The tick of bodies is that of a step's end, of other tables that of its begin.
+            # The rows of a step have the tick of its end in `bodies`, of its begin in other tables.
             until = tick
             if name == "bodies":
                 until = tick + 1
@@ -182,13 +195,13 @@ class Tables:
     ) -> None:
         """Keep the rows of the step that has just been done.
 
-        `letters`: sender -> its letters.
+        `events`: of the step. `letters`: sender -> its messages in the step.
         """
         if not self._growing:
             return
         self._bodies.keep(engine)
         self._events += events
-        # In lockstep letters come in order of arrival.
+        # In lockstep messages come in the order of arrival, which differs from run to run.
         for name, written in sorted(letters.items()):
             for to, body in written.sent:
                 self._messages.append((engine.tick - 1, name, to, type_of(body), as_json(body)))
@@ -248,7 +261,7 @@ class Tables:
 
 
 def _table(rows: Sequence[tuple[Any, ...]], schema: pa.Schema) -> pa.Table:
-    """Return a table with these rows."""
+    """Return a table with these rows; without any it has its columns, empty."""
     columns = list(zip(*rows, strict=True)) or [()] * len(schema)
     typed = [pa.array(column, field.type) for column, field in zip(columns, schema, strict=True)]
     return pa.table(typed, schema)

@@ -42,7 +42,7 @@ __all__ = [
     "single_env",
 ]
 
-# Who names no scenario gets the default orchard.
+# Without a scenario an environment has the default orchard.
 gymnasium.register(
     id="orchard/Dispatch-v1",
     entry_point="orchard.gym:dispatch_env",

@@ -1,9 +1,13 @@
-"""Dispatch as a Gymnasium Env of events, over the event model: at each decision an action names the
-carrier that fetches a bin, or none.
+"""Dispatch as a Gymnasium Env over the event model: at each decision an action names the carrier
+that fetches a bin, or none.
 
-The decisions are those of a dispatch policy (`orchard.dispatch.policy`): the same reports, at the
-same times. So what has learned here can be a policy of the simulator: `Dispatching.orders` is the
-body of its `assign`.
+A dispatch policy (`orchard.dispatch.policy`) would decide here: it gets reports of all bins that
+need a carrier and of all carriers, and gives orders, each of which sends a carrier to a bin. The
+environment asks for these orders one after another: a decision is a moment at which the model stops
+for a policy, and an action is one order.
+
+What has learned here can be a policy of the simulator: `Dispatching.orders` does what the method
+`assign` of a policy must do.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -27,9 +31,13 @@ from orchard.gym.rewards import named
 from orchard.gym.spaces import FAR, MOST_LANES, Arrays
 
 NO_ORDER = 0  # the action that sends no carrier, and ends the decision
-LONG = 1e6  # s: no harvest takes so long
+LONG = 1e6  # s, the limit of times in the observation space: no harvest takes so long
+# Numbers for each bin and for each carrier in an observation.
+OF_BIN = 6
+OF_CARRIER = 2
 
-Choose = Callable[[Arrays, np.ndarray], int]  # observation and mask -> action
+# What has learned: observation and mask -> action.
+Choose = Callable[[Arrays, np.ndarray], int]
 
 
 class Dispatching:
@@ -38,10 +46,14 @@ class Dispatching:
     An action is 0, which sends no carrier, or 1 + b * C + c: carrier c of C fetches bin b, both in
     the order of their names.
 
-    An observation holds `seconds` since the start, (1,); `bins`, six numbers for each bin: 1 if it
-    needs a carrier, its lane, s since it began to call, s until it is full, s in which a carrier
-    can be there, m by road to it, and all 0 if it needs none; `carriers`, two numbers for each: 1
-    if it can leave now, and m by road to the queue's head.
+    An observation holds three arrays:
+
+    - `seconds`, (1,): since the start;
+    - `bins`, (6 * bins,): for each bin 1 if it needs a carrier, its lane, s since it began to call,
+      s until it is full, s in which a carrier can be there, and m by road to it; six times 0 if it
+      needs no carrier;
+    - `carriers`, (2 * carriers,): for each 1 if it can leave now, and m by road to the queue's
+      head.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -52,7 +64,7 @@ class Dispatching:
         most_of_bin = np.array([1.0, MOST_LANES, LONG, LONG, LONG, FAR], dtype=np.float32)
         self.action_space = spaces.Discrete(1 + len(self.bins) * len(self.carriers))
         most_of_carrier = np.array([1.0, FAR], dtype=np.float32)
-        # In the order in which Gymnasium sorts them.
+        # In the order of their names, as Gymnasium sorts them anyway.
         self.observation_space = spaces.Dict(
             bins=_box_up_to(np.tile(most_of_bin, len(self.bins))),
             carriers=_box_up_to(np.tile(most_of_carrier, len(self.carriers))),
@@ -62,8 +74,8 @@ class Dispatching:
     def observation(
         self, now: int, bins: Iterable[BinReport], carriers: Iterable[CarrierReport]
     ) -> Arrays:
-        """Return what a policy is told, as arrays. `now`: the tick."""
-        calls = np.zeros((len(self.bins), 6), np.float32)
+        """Return the reports that a policy gets, as an observation. `now`: the tick."""
+        calls = np.zeros((len(self.bins), OF_BIN), np.float32)
         for report in bins:
             calls[self.bins.index(report.name)] = (
                 1.0,
@@ -73,14 +85,14 @@ class Dispatching:
                 report.seconds_to_reach,
                 report.metres,
             )
-        queue = np.zeros((len(self.carriers), 2), np.float32)
+        queue = np.zeros((len(self.carriers), OF_CARRIER), np.float32)
         for carrier in carriers:
             queue[self.carriers.index(carrier.name)] = float(carrier.is_next), carrier.metres
         seconds = np.array([now * TIME_STEP], np.float32)
         return {"seconds": seconds, "bins": calls.ravel(), "carriers": queue.ravel()}
 
     def mask(self, bins: Iterable[BinReport], carriers: Iterable[CarrierReport]) -> np.ndarray:
-        """Return which actions can be, (actions,) int8; 0 always can."""
+        """Return which actions are possible, (actions,) int8: 1 if one is. Action 0 always is."""
         ready = [carrier.name for carrier in carriers if carrier.is_next]
         mask = np.zeros(self.action_space.n, dtype=np.int8)
         mask[NO_ORDER] = 1
@@ -122,15 +134,16 @@ class Dispatching:
     def orders(
         self, choose: Choose, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport]
     ) -> list[Assignment]:
-        """Return the orders of what has learned here: the body of a policy's `assign`.
+        """Return the orders of what has learned here, as a policy's `assign` returns them.
 
-        What cannot be sends none.
+        `choose` is asked again, without the bin and the carrier of its last order, until it sends
+        no carrier. An action that is not possible counts as action 0.
         """
         orders: list[Assignment] = []
         while True:
             mask = self.mask(bins, carriers)
             if mask.sum() == 1:
-                # Only the action that sends no carrier remains.
+                # Only action 0 remains.
                 break
             action = self.number(choose(self.observation(now, bins, carriers), mask))
             order = self.order(action)
@@ -143,17 +156,17 @@ class Dispatching:
 
 
 def _box_up_to(most: np.ndarray) -> spaces.Box:
-    """Return the space of arrays with numbers from 0 to these."""
+    """Return the space of arrays with numbers from 0 to those of `most`."""
     return spaces.Box(np.zeros_like(most), most)
 
 
 def without(reports: Sequence[Any], name: str) -> list[Any]:
-    """Return all reports but that of a name."""
+    """Return the reports without that of the bin or carrier with this name."""
     return [report for report in reports if report.name != name]
 
 
 class Transition(NamedTuple):
-    """What happened from one action to the next, for a reward."""
+    """What happened from one action to the next, for a reward, or since the start."""
 
     seconds: float  #: that passed
     waited: float  #: s for which all pickers together have waited for empty bins
@@ -175,10 +188,12 @@ def waiting(happened: Transition) -> float:
 
 def delivery(happened: Transition) -> float:
     """The bins that were unloaded."""
+    # A factor and no float(): in `DispatchVecEnv` it is an array.
     return 1.0 * happened.delivered
 
 
-# Functions with names: an environment can be pickled with them. They take arrays too.
+# Functions with names: an environment can be pickled with them. `DispatchVecEnv` calls them with
+# arrays in place of numbers, a value for each orchard.
 REWARDS: Mapping[str, Reward] = {"time": time, "waiting": waiting, "delivery": delivery}
 
 
@@ -188,9 +203,9 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
     `harvest` is the model, from the first `reset` on.
 
     A step is an action at a decision: see `Dispatching`. A decision goes on until an action sends
-    no carrier, or nothing more can be sent. An action that cannot be, by `info["action_mask"]`,
-    sends no carrier. `info["scripted"]` is what the scenario's own policy would do; if that is
-    `early`, bins report before they are full.
+    no carrier, or no carrier can be sent any more. An action that `info["action_mask"]` does not
+    allow counts as action 0. `info["scripted"]` is the action that the scenario's own policy would
+    choose. If that policy is `early`, bins report before they are full.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as Gymnasium has it
@@ -200,8 +215,8 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         self, scenario: Scenario, *, reward: str | Reward = "time", longest: int = LONGEST
     ) -> None:
         """`reward`: "time", "waiting", "delivery", or a function of a `Transition`. `longest`:
-        ticks, after which an episode is truncated, as it is after 600 s in which nothing moves on,
-        because robots wait for each other or for a carrier that is never sent.
+        ticks, after which an episode is truncated. It is also truncated if no robot moves on for
+        600 s (JAM), because robots wait for each other or for a carrier that is never sent.
 
         Raises TypeError for what is no scenario, and ValueError for an unknown reward, an episode
         without a tick, and for a scenario with agents of one's own or errors of sensors.
@@ -212,15 +227,17 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         self._longest = longest
         self._episode = Episode(scenario.seed, -1)
         self._is_over = True
-        # The decision that waits, and the orders at it so far; None: nothing can be decided.
+        # The decision for which the model has stopped, and the orders at it so far. None: no model
+        # stands at a decision, because the episode is over or none has begun.
         self._pending: PolicyQuestion | None = None
         self._orders: list[Assignment] = []
-        # What the scenario's policy decides there.
+        # What the scenario's policy would order there.
         self._scripted: Sequence[Assignment] = ()
-        # The steps of all robots, and the tick at which one of them moved on last.
+        # How many steps all robots had done when one last moved on, and the tick of that.
         self._moved = (0, 0.0)
         refuse_unknown(scenario)
         layout = lay_out(scenario)
+        # Made here too, so that a policy that cannot be used is refused at once.
         self._policy = AskedPolicy(layout)
         self.dispatching = Dispatching(layout)
         self.observation_space: spaces.Space[Any] = self.dispatching.observation_space
@@ -243,9 +260,9 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         return self._observed(), self._info()
 
     def _begin(self, episode: Episode) -> None:
-        """Go to the first decision of an episode.
+        """Make a new harvest, and go to its first decision.
 
-        If the scenario's policy fails, the episode is over.
+        If the scenario's policy fails, this raises, and the episode is over.
         """
         layout = lay_out(with_changes(self.scenario, seed=episode.seed))
         self._policy = AskedPolicy(layout)
@@ -282,8 +299,9 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         return self._observed(), reward, terminated, truncated, self._info()
 
     def action_masks(self) -> np.ndarray:
-        """Return which actions can be, (actions,) bool, as MaskablePPO of sb3-contrib asks
-        for it.
+        """Return which actions are possible, (actions,) bool.
+
+        MaskablePPO of sb3-contrib asks for it by this name.
         """
         return self.dispatching.mask(*self._reports()).astype(bool)
 
@@ -291,6 +309,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         """Do an action, and move on to the next decision if this one is taken."""
         decision = self._pending
         if decision is None:
+            # The harvest was over before anything could be decided.
             return
         order = self.dispatching.order(action)
         if order is not None and self.dispatching.mask(*self._reports())[action]:
@@ -312,19 +331,21 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         goes_on = True
         until = int(harvest.now)
         while goes_on and self._pending is None:
+            # By short parts, to see between them whether robots still move.
             until = min(self._longest, until + LOOK_AT)
             reason = harvest.advance(until)
-            goes_on = self._has_moved(harvest.now if reason == c.ASKS_POLICY else float(until))
             if reason == c.ASKS_POLICY:
+                goes_on = self._has_moved(harvest.now)
                 self._come_to(harvest.decision, goes_on)
-            elif reason == c.ENDED or until == self._longest:
-                goes_on = False
+            else:
+                has_moved = self._has_moved(float(until))
+                goes_on = has_moved and reason != c.ENDED and until != self._longest
         if harvest.is_over:
             # The last robots drive home.
             harvest.run()
 
     def _has_moved(self, now: float) -> bool:
-        """Note whether a robot has moved on by a tick. Return False if none has for long."""
+        """Note whether a robot has moved on by tick `now`. Return whether one has in JAM ticks."""
         done, since = self._moved
         if self.harvest.done > done or self.harvest.drives:
             self._moved = (self.harvest.done, now)
@@ -332,9 +353,10 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         return now - since <= JAM
 
     def _come_to(self, decision: PolicyQuestion, goes_on: bool) -> None:
-        """Ask the scenario's policy, and let the decision wait if a carrier can be sent.
+        """Ask the scenario's policy for `info`, and let the decision wait for actions if a carrier
+        can be sent.
 
-        `goes_on`: whether the episode does.
+        `goes_on`: whether the episode goes on.
         """
         now = decision.now
         bins = decision.bins
@@ -347,30 +369,32 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
             self.harvest.decide(decision, [])
 
     def _so_far(self) -> Transition:
-        """Return what has happened since the start."""
+        """Return what has happened since the episode's begin."""
         harvest = self.harvest
         seconds = harvest.seconds if harvest.is_over else harvest.now * TIME_STEP
         return Transition(seconds, harvest.waited_seconds, harvest.delivered)
 
     def _reports(self) -> tuple[Sequence[BinReport], Sequence[CarrierReport]]:
-        """Return the bins and carriers of the decision that waits; none without one."""
+        """Return the reports of bins and carriers at the decision that waits; without one none."""
         decision = self._pending
         if decision is None:
             return (), ()
         return decision.bins, decision.carriers
 
     def _observed(self) -> Arrays:
-        """Return what there is to decide about."""
+        """Return the observation of the decision that waits."""
         return self.dispatching.observation(int(self.harvest.now), *self._reports())
 
     def _info(self) -> dict[str, Any]:
-        """Return which actions can be, and the first one of the scenario's policy that can."""
+        """Return the mask, and the first order of the scenario's policy that is still possible."""
         mask = self.action_masks()
-        scripted = (self.dispatching.action(order) for order in self._scripted)
-        return {
-            "action_mask": mask.astype(np.int8),
-            "scripted": next((action for action in scripted if mask[action]), NO_ORDER),
-        }
+        scripted = NO_ORDER
+        for order in self._scripted:
+            action = self.dispatching.action(order)
+            if mask[action]:
+                scripted = action
+                break
+        return {"action_mask": mask.astype(np.int8), "scripted": scripted}
 
 
 dispatch_env = DispatchEnv

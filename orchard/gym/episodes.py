@@ -1,4 +1,6 @@
-"""The episodes of an environment: which there can be, and their seeds."""
+"""The episodes of an environment, from one reset to the next: their seeds, and checks of what an
+environment is made with.
+"""
 
 from typing import Any, NamedTuple
 
@@ -9,7 +11,10 @@ from orchard.field.scenario import Scenario
 
 
 def refuse_what_is_no_episode(scenario: object, longest: int) -> None:
-    """Raise TypeError for what is no scenario, and ValueError for an episode without a tick."""
+    """Raise TypeError for what is no scenario, and ValueError for an episode without a tick.
+
+    `longest`: ticks of an episode, at most.
+    """
     if not isinstance(scenario, Scenario):
         raise TypeError(
             f"scenario = {scenario!r}: must be a Scenario, such as Scenario(rows=3) or"
@@ -29,10 +34,10 @@ def plain(seed: Any) -> Any:
 
 
 class Episode(NamedTuple):
-    """One episode, by the seed of the last reset that had one, and how many have begun since."""
+    """One episode of an environment."""
 
-    reset_seed: int
-    number: int  # 0 at that reset, -1 before the first one
+    reset_seed: int  #: seed of the last reset to which one was given; at first the scenario's
+    number: int  #: episodes since that reset: 0 at it; -1 before the first episode of all
 
     @property
     def seed(self) -> int:
@@ -40,6 +45,7 @@ class Episode(NamedTuple):
         if self.number == 0:
             return self.reset_seed
         share = draw(self.reset_seed, "episode", self.number)[0]
+        # A float of 0 to 1 has 53 bits, so that many different seeds can be drawn.
         return int(share * 2**53)
 
     def after(self, seed: int | None) -> "Episode":

@@ -1,5 +1,8 @@
-"""A harvest as a PettingZoo ParallelEnv: local mode, in which some bodies learn, and all others
-follow our agents.
+"""A harvest as a PettingZoo ParallelEnv: a run in one process (local mode) in which some bodies
+learn, and all others follow our agents.
+
+A learned body keeps its own built-in agent too. This agent is asked at each tick and sees to plan,
+messages and deeds; an action replaces its velocity only.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,7 +30,9 @@ from orchard.local import Local
 from orchard.plans.robot_memory import RobotMemory
 from orchard.sim.engine import Engine, Unaudited
 
-LONGEST = 20_000  # ticks of an episode, 2000 s; the default orchard's harvest takes 5,446
+# Ticks of an episode, at most: 2000 s. The default orchard's harvest takes 5,446 ticks with our
+# agents, and bodies that learn may need some times as long.
+LONGEST = 20_000
 
 Infos = dict[str, dict[str, Any]]
 
@@ -72,8 +77,8 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
     ) -> None:
         """`reward`: a name in `REWARDS`, or a function of a `Moment`. `deeds`: an action also names
         a deed, in place of its agent's; the info's `action_mask` says which can be. `longest`:
-        ticks, after which an episode is truncated. `is_hashed`: whether the run has its hash, and
-        its invariants are checked: slower.
+        ticks, after which an episode is truncated. `is_hashed`: whether the run computes its hash
+        and checks its invariants, which is slower.
 
         Raises TypeError for what is no scenario, ValueError for a name that cannot learn, an
         unknown reward, or an episode without ticks.
@@ -99,8 +104,9 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         for name, machine in self._machines.items():
             self.observation_spaces[name] = arrays.observation_space(name, machine)
             self.action_spaces[name] = arrays.action_space(machine, deeds)
-        # The actions of the agents that were asked at this tick.
+        # The actions of the agents that were asked at this tick; some are replaced before the step.
         self._answers: dict[str, Action] = {}
+        # Learned body -> what is known of it at this tick.
         self._looks: dict[str, Look] = {}
 
     def _refuse_other_machines(self, layout: Layout) -> None:
@@ -137,7 +143,9 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         _refuse_what_cannot_learn(layout, self.possible_agents)
         self._refuse_other_machines(layout)
         self._episode = episode
-        engine = Engine if self._is_hashed else Unaudited
+        engine: type[Engine] = Unaudited
+        if self._is_hashed:
+            engine = Engine
         self.local = Local(scenario, is_hashed=self._is_hashed, engine=engine)
         self.agents = list(self.possible_agents)
         self._look()
@@ -161,6 +169,7 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
                 f"actions for {', '.join(unknown)}, which do not learn here;"
                 f" {', '.join(self.agents)} do"
             )
+        # All actions are checked before the first one counts.
         commands = {}
         for name, action in actions.items():
             commands[name] = arrays.decode(name, self._machines[name], action, self._deeds)
@@ -192,25 +201,29 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
     def _look_at(self, name: str) -> Look:
         """Return what is known of a body now."""
         local = self.local
+        # An agent that need not be asked at this tick has no new observation and no new action.
         seen = local.observed.get(name) or local.seen[name]
         action = self._answers.get(name) or local.actions[name]
-        fill = local.seen.fills.get(seen.hitch.name, 0.0) if seen.hitch else 0.0
+        fill = 0.0
+        if seen.hitch:
+            fill = local.seen.fills.get(seen.hitch.name, 0.0)
         return Look(seen, action, arrays.goal_of(seen, action.memory), fill)
 
     def _command(self, name: str, command: arrays.DecodedAction) -> None:
         """Put an action in the place of what the body's own agent commands.
 
-        The agent keeps its hold only if it would have moved so itself. What it remembers of its own
-        motion becomes what is commanded: without that, it would take a body that was told to stand
-        for one that collided.
+        The agent's hold says until when it need not be asked again, and it counts only for the
+        agent's own velocity. What the agent remembers of its own motion becomes what is commanded.
+        Otherwise it would take a body that an action lets stand for one that collided.
         """
         look = self._looks[name]
         if command.velocity == look.action.twist and not self._deeds:
             return
+        # An agent that was not asked has done its deeds and sent its messages at an earlier tick.
         action = self._answers.get(name) or replace(look.action, deeds=[], requests=[], answers=[])
         deeds = action.deeds
         if self._deeds:
-            # No action names the deed that begins picking.
+            # The deed that begins picking stays the agent's: no action can name it.
             own = [deed for deed in action.deeds if isinstance(deed, PickFrom)]
             deeds = [*arrays.deeds_of(self.local.engine.world, name, command.deed), *own]
         self._answers[name] = replace(action, twist=command.velocity, deeds=deeds, hold=None)
@@ -238,6 +251,7 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
 
 def _moment(before: Look, after: Look, velocity: Twist, events: list[Event]) -> Moment:
     """Return the step of a body between two looks at it. `velocity`: with which it was to move."""
+    # A body that has another bin has filled nothing in this step.
     filled = 0.0
     if _bin_of(before) == _bin_of(after):
         filled = max(0.0, after.fill - before.fill)
@@ -260,9 +274,9 @@ def _bin_of(look: Look) -> str:
 
 
 def _changes_in(options: Mapping[str, Any]) -> dict[str, Any]:
-    """The changes of the scenario in the options of a reset.
+    """Return the changes of the scenario in the options of a reset.
 
-    PettingZoo's test gives other options.
+    Other options are ignored, because PettingZoo's own test of environments gives some.
     """
     changes = options.get("scenario", {})
     if not isinstance(changes, Mapping):
@@ -271,7 +285,7 @@ def _changes_in(options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _refuse_what_cannot_learn(layout: Layout, learned: Sequence[str]) -> None:
-    """Raise ValueError for names that no body has which can learn, for some twice, and for none."""
+    """Raise ValueError for a name of which no body can learn, for one given twice, and for none."""
     able = layout.names_of(*MOVERS)
     problems = []
     for name in learned:

@@ -1,4 +1,8 @@
-"""Rewards by name. A reward is any function from a `Moment` to a number."""
+"""Rewards of a `HarvestEnv`, by name. A reward is any function from a `Moment` to a number.
+
+`named` also serves the rewards of dispatch, which get a `Transition` (`orchard.gym.dispatch`). "Our
+agent" is the built-in agent of a body, beside which the body learns.
+"""
 
 import math
 import pickle
@@ -34,8 +38,10 @@ Happened = TypeVar("Happened")  # what a reward is given: a Moment, or a Transit
 
 
 def imitation(moment: Moment) -> float:
-    """Minus the squared distance to our agent's velocity; 1 is the greatest speed, or the greatest
-    turn, that a body of this kind has by default.
+    """Minus the squared distance to our agent's velocity.
+
+    Speed is measured in the greatest speed that a body of this kind has by default, and turning in
+    its greatest yaw rate.
     """
     kind = KINDS[kind_of(moment.after.name)]
     forward = (moment.velocity.x - moment.scripted.x) / kind.speed
@@ -44,8 +50,8 @@ def imitation(moment: Moment) -> float:
 
 
 def goal(moment: Moment) -> float:
-    """Metres, and radians, by which the body came nearer to what its plan asked for before the
-    step.
+    """How far the body came towards what its plan asked for before the step: metres, plus radians
+    of a turn.
     """
     x, y, turn = moment.goal
     before = moment.before
@@ -54,6 +60,7 @@ def goal(moment: Moment) -> float:
     distance_after = math.hypot(x - after.x, y - after.y)
     progress = distance_before - distance_after
     if turn:
+        # What was to turn, less what still is.
         turned = after.pose.yaw - before.pose.yaw
         progress += abs(turn)
         progress -= abs(math.remainder(turn - turned, math.tau))
@@ -111,7 +118,7 @@ def named(
 class NamelessReward(Generic[Happened]):
     """A reward that Python cannot find by a name, such as a lambda.
 
-    It can be copied and pickled.
+    Unlike that function it can be pickled, so that an environment can be sent to another process.
     """
 
     def __init__(self, function: Callable[[Happened], float]) -> None:
@@ -151,4 +158,5 @@ def _is_nameless(function: Callable[..., float]) -> bool:
     """
     while isinstance(function, partial):
         function = function.func
+    # As "<lambda>", or "make_reward.<locals>.reward".
     return isinstance(function, FunctionType) and "<" in function.__qualname__

@@ -16,9 +16,11 @@ All is in SI units. There is an array for each quantity:
     What the present step of its plan still asks for: m ahead, m to the left, rad
     counter-clockwise.
 `mail`, (4,)
-    What its mail has come to. First: 1 if it has a job (a carrier), or if a carrier comes (a
-    picker). Second: the lane of the job, from 1. Third: the end of that lane, -1 west, 1 east.
-    Fourth: 1 if it waits for another agent. Each is 0 where there is nothing to tell.
+    What the body knows from messages of other agents. First: 1 if it has a job (a carrier), or if a
+    carrier comes (a picker). Second: the lane of the job, from 1. Third: the end of that lane, -1
+    west, 1 east. Fourth: 1 if it waits for another agent. Each is 0 otherwise.
+
+A deed is what a body does to a bin in a tick: couple or uncouple it.
 """
 
 import math
@@ -39,7 +41,8 @@ from orchard.plans.steps import DriveTo, Face, Plan
 from orchard.sim.deeds import COUPLING_REACH
 from orchard.sim.world import NONE, World
 
-# m: no orchard is so large. A hundred surveyed rows may lie 60 m apart.
+# m, the limit of distances in the observation spaces: no orchard is so large. A hundred surveyed
+# rows may lie 60 m apart, which is 6000 m, and roads lead around them.
 FAR = 8000.0
 MOST_LANES = 100.0  # rows of a scenario
 # The deeds that an action names.
@@ -58,17 +61,17 @@ def _box(*bounds: tuple[float, float]) -> spaces.Box:
 def observation_space(name: str, machine: Machine) -> spaces.Dict:
     """Return the space of what a body observes: see the table above.
 
-    It depends on what the machine can, and on nothing else of the orchard: a curriculum may
-    change that.
+    `name`: of the body. The space depends on the limits of its machine only. All else of the
+    orchard may change from episode to episode, for a curriculum.
     """
     kind = KINDS[kind_of(name)]
     whether = (0.0, 1.0)
     coordinate = (-FAR, FAR)
     ratio = (-1.0, 1.0)
-    # Odometry may measure more than there is.
+    # The body may measure up to twice its speed: odometry has errors.
     most_speed = 2.0 * machine.speed
     most_turn = 2.0 * machine.turn
-    # In the order in which Gymnasium sorts them.
+    # In the order of their names, as Gymnasium sorts them anyway.
     return spaces.Dict(
         bar=_box(whether),
         fill=_box((0.0, LONGEST_ROW)),
@@ -81,9 +84,9 @@ def observation_space(name: str, machine: Machine) -> spaces.Dict:
 
 
 def action_space(machine: Machine, deeds: bool) -> spaces.Space[Any]:
-    """Return the space of what a body does: m/s forward, rad/s.
+    """Return the space of actions: a velocity, m/s forward and rad/s counter-clockwise.
 
-    With `deeds` beside it `deed`: 0, 1 couple, 2 uncouple.
+    `deeds`: an action also names a deed: 0 none, 1 couple, 2 uncouple.
     """
     velocity = _box((-machine.speed, machine.speed), (-machine.turn, machine.turn))
     if deeds:
@@ -95,9 +98,12 @@ def goal_of(seen: Observation, memory: Any) -> Goal:
     """Return what the present step of a plan still asks for.
 
     A drive's goal is its end, or the first place on the way that traffic has not granted. A step
-    that is neither drive nor turn asks for nothing, and so does an agent without a plan.
+    that is neither drive nor turn has the body's own position as its goal, and so has an agent
+    without a plan. `memory`: of the body's agent.
     """
-    step = memory.plan[0] if isinstance(memory, Plan) and memory.plan else None
+    step = None
+    if isinstance(memory, Plan) and memory.plan:
+        step = memory.plan[0]
     if isinstance(step, Face):
         return seen.x, seen.y, angle_between(seen.pose.yaw, HEADINGS[step.heading])
     if not isinstance(step, DriveTo):
@@ -108,9 +114,11 @@ def goal_of(seen: Observation, memory: Any) -> Goal:
 
 
 def _way_end(here: float, end: float, gates: Sequence[Gate], reserved: Sequence[str]) -> float:
-    """Return how far a drive may go: to its end, or to the first closed gate before it, m.
+    """Return the coordinate up to which a drive may go, m: of its end, or of the first closed gate
+    before it.
 
-    `here`, `end`: along the axis of the drive, m. `reserved`: the places that traffic has granted.
+    `here`, `end`: coordinates on the axis of the drive, m. `reserved`: the places that traffic has
+    granted; a gate stands where a place begins.
     """
     for gate in gates:
         is_ahead = here <= gate.at <= end or end <= gate.at <= here
@@ -121,36 +129,40 @@ def _way_end(here: float, end: float, gates: Sequence[Gate], reserved: Sequence[
 
 
 def mail_of(action: Action) -> tuple[float, float, float, float]:
-    """Return what an agent's mail has come to: see the table above."""
+    """Return the array `mail`: see the head of this module. `action`: the agent's newest one."""
     waits = float(bool(action.waits_for))
     job = getattr(action.memory, "job", None)
     if job is None:
         carrier_comes = bool(getattr(action.memory, "carrier", ""))
         return float(carrier_comes), 0.0, 0.0, waits
-    end = 1.0 if job.side == "east" else -1.0
+    end = -1.0
+    if job.side == "east":
+        end = 1.0
     return 1.0, float(job.lane), end, waits
 
 
 def observed(seen: Observation, fill: float, goal: Goal, action: Action) -> Arrays:
-    """Return what a body observes: see the table above.
+    """Return what a body observes: see the head of this module.
 
-    `fill`: m in its bin; `action`: the newest one of its own agent.
+    `fill`: metres of row in its bin. `action`: the newest one of its own agent.
     """
     goal_x, goal_y, goal_turn = goal
+    # The orientation is a quaternion about the vertical axis: z is the sine and w the cosine of
+    # half the yaw.
     z, w = seen.orientation
     cosine = w * w - z * z
     sine = 2.0 * z * w
     dx = goal_x - seen.x
     dy = goal_y - seen.y
     ahead = cosine * dx + sine * dy
-    aside = cosine * dy - sine * dx
+    to_the_left = cosine * dy - sine * dx
     has_bin = seen.hitch is not None
     return {
         "pose": np.array((seen.x, seen.y, cosine, sine), np.float32),
         "velocity": np.array((seen.twist.x, seen.twist.yaw), np.float32),
         "bar": np.array((has_bin,), np.float32),
         "fill": np.array((fill,), np.float32),
-        "goal": np.array((ahead, aside, goal_turn), np.float32),
+        "goal": np.array((ahead, to_the_left, goal_turn), np.float32),
         "mail": np.array(mail_of(action), np.float32),
         "scan": np.minimum(seen.scan, np.float32(LASER_RANGE)),
     }
@@ -166,7 +178,8 @@ class DecodedAction(NamedTuple):
 def decode(name: str, machine: Machine, action: Any, deeds: bool) -> DecodedAction:
     """Return what an action of a body commands. `deeds`: whether it also names a deed.
 
-    Raises ValueError for one that is not in the action space, limits aside.
+    A velocity beyond the limits of the machine is cut to them. Raises ValueError for an action of
+    another form, or with numbers that are not finite.
     """
     try:
         forward, turn, deed = _numbers_of(action, deeds)
@@ -189,10 +202,10 @@ def _numbers_of(action: Any, deeds: bool) -> tuple[float, float, int]:
 
     Raises TypeError, ValueError or LookupError for one of another form.
     """
-    velocity = action["velocity"] if deeds else action
-    forward, turn = _numbers(velocity, "iuf").tolist()
     if not deeds:
+        forward, turn = _numbers(action, "iuf").tolist()
         return float(forward), float(turn), NOTHING
+    forward, turn = _numbers(action["velocity"], "iuf").tolist()
     deed = _numbers(action["deed"], "iu").item()
     if deed not in (NOTHING, COUPLE, UNCOUPLE):
         raise ValueError(deed)
@@ -211,7 +224,8 @@ def _form(deeds: bool) -> str:
 def _numbers(values: Any, kinds: str) -> np.ndarray:
     """Return numbers as an array.
 
-    `kinds`: numpy's letters for those that can be. Raises ValueError for others.
+    `kinds`: numpy's letters for the types that are allowed: i signed, u unsigned, f float. Raises
+    ValueError for others.
     """
     numbers = np.asarray(values)
     if numbers.dtype.kind not in kinds:
@@ -220,9 +234,9 @@ def _numbers(values: Any, kinds: str) -> np.ndarray:
 
 
 def deeds_of(world: World, name: str, deed: int) -> list[Deed]:
-    """Return the deeds for the number in an action.
+    """Return the deeds for the number of a deed in an action.
 
-    A deed that cannot be is left out: see `deed_mask`.
+    A deed that `deed_mask` does not allow is left out.
     """
     if deed == NOTHING or not deed_mask(world, name)[deed]:
         return []
@@ -243,9 +257,9 @@ def deed_mask(world: World, name: str) -> np.ndarray:
 
 
 def _bin_behind(world: World, robot: int) -> int:
-    """The free bin within reach of a robot's coupling point; NONE without one.
+    """Return the index of a free bin within reach of a robot's coupling point; NONE if none is.
 
-    Physics decides on the rest.
+    Whether the deed succeeds is decided by physics, which checks more than the distance.
     """
     x, y, yaw = world.pose[robot].tolist()
     behind = float(world.fixed.tows[robot])

@@ -1,4 +1,8 @@
-"""Dispatch in many orchards at once: Gymnasium's VectorEnv over a batch of the event model."""
+"""Dispatch in many orchards at once: Gymnasium's VectorEnv over a batch of the event model.
+
+An orchard is one of the environments here: a harvest of the scenario with a seed of its own. The
+batch (`orchard.event_model.batch`) holds the states of all harvests, and its loop is compiled.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -19,12 +23,13 @@ from orchard.gym.episodes import Episode, plain, refuse_what_is_no_episode
 from orchard.gym.rewards import named
 from orchard.gym.spaces import Arrays
 
-# Seeds are whole numbers from 0 on, below this.
+# Seeds are 0 to MOST_SEED.
 SEEDS = 2**63
 MOST_SEED = SEEDS - 1
+# The key of the options that says in which orchards an episode begins.
 RESET_MASK = "reset_mask"
 
-# Observations, rewards, terminated, truncated, infos.
+# What a step returns: observations, rewards, terminated, truncated, infos.
 Stepped = tuple[Arrays, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]
 
 
@@ -86,6 +91,8 @@ class DispatchVecEnv(VectorEnv[Arrays, np.ndarray, np.ndarray]):
         self._episodes = []
         for number in range(num_envs):
             self._episodes.append(Episode((scenario.seed + number) % SEEDS, -1))
+        # For each orchard: whether a first episode has begun, and whether the present one has
+        # ended.
         self._has_begun = np.zeros(num_envs, np.bool_)
         self._has_ended = np.zeros(num_envs, np.bool_)
 
@@ -98,12 +105,13 @@ class DispatchVecEnv(VectorEnv[Arrays, np.ndarray, np.ndarray]):
         """Begin an episode in each orchard, and return observations and infos at their first
         decisions.
 
-        `seed`: of the first orchard, and each has one more than that before; or one for each.
-        None: of the first episode that of the scenario, and so on; then others are drawn.
-        `options`: {"reset_mask": (orchards,) bool}, where to begin, or nothing.
+        `seed`: one for each orchard; or that of the first one, and each further orchard has the
+        next number. None: at first as if the scenario's seed were given, and later seeds that are
+        drawn. `options`: {"reset_mask": (orchards,) bool}, where to begin; without it everywhere.
         """
         which = self._which(options)
         seeds = self._seeds(seed)
+        # Gymnasium's own random numbers, which this environment does not use, take one seed only.
         if not isinstance(seed, (list, tuple, np.ndarray)):
             super().reset(seed=plain(seed))
         for number, own in enumerate(seeds):
@@ -119,6 +127,8 @@ class DispatchVecEnv(VectorEnv[Arrays, np.ndarray, np.ndarray]):
         "Disabled"; ValueError for what are no actions.
         """
         chosen = self._checked(actions)
+        # In the mode "NextStep" an orchard whose episode has ended begins anew, and its action does
+        # not count.
         begins = np.zeros(self.num_envs, np.bool_)
         if self._mode == AutoresetMode.NEXT_STEP:
             begins = self._has_ended.copy()
@@ -144,7 +154,7 @@ class DispatchVecEnv(VectorEnv[Arrays, np.ndarray, np.ndarray]):
         masks: np.ndarray = self._batch.arrays["masks"].astype(np.bool_)
         return masks
 
-    # -- what is asked
+    # -- checks of arguments
 
     def _which(self, options: dict[str, Any] | None) -> np.ndarray:
         """Return where to begin, (orchards,) bool. Raises ValueError for unknown options."""
@@ -164,7 +174,9 @@ class DispatchVecEnv(VectorEnv[Arrays, np.ndarray, np.ndarray]):
         return mask
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        """Return the seed of each orchard; None: it is drawn. Raises ValueError for others."""
+        """Return the seed of each orchard; None: it is drawn. Raises ValueError for what is no
+        seed.
+        """
         if seed is None:
             return [None] * self.num_envs
         seeds: list[Any] = [seed]
@@ -183,7 +195,7 @@ class DispatchVecEnv(VectorEnv[Arrays, np.ndarray, np.ndarray]):
         return seeds
 
     def _seeds_from(self, first: int) -> list[int | None]:
-        """Return a seed for each orchard, from the first one on. Raises ValueError for others."""
+        """Return consecutive seeds for all orchards. Raises ValueError if one is out of bounds."""
         most = MOST_SEED - self.num_envs + 1
         if not 0 <= first <= most:
             raise ValueError(f"seed {first}: must be a whole number from 0 to {most}")
@@ -201,7 +213,7 @@ class DispatchVecEnv(VectorEnv[Arrays, np.ndarray, np.ndarray]):
         return chosen.astype(np.int64)
 
     def _refuse_over(self, begins: np.ndarray) -> None:
-        """Raise ResetNeeded where no episode goes on, and none begins."""
+        """Raise ResetNeeded if an orchard has no episode that goes on, and none begins there."""
         over = np.flatnonzero(~self._has_begun | (self._has_ended & ~begins))
         if self._mode != AutoresetMode.SAME_STEP and over.size:
             raise ResetNeeded(
@@ -220,8 +232,10 @@ class DispatchVecEnv(VectorEnv[Arrays, np.ndarray, np.ndarray]):
         self._has_ended[number] = False
 
     def _begun_anew(self, observed: Arrays, infos: dict[str, Any]) -> tuple[Arrays, dict[str, Any]]:
-        """Begin anew where an episode has ended. Return observations and infos after that, with
-        what they were at the end, as Gymnasium has it.
+        """Begin anew where an episode has ended. Return observations and infos after that.
+
+        `observed`, `infos`: at the end of the episodes. The infos that are returned hold these too,
+        under the keys that Gymnasium prescribes for the mode "SameStep".
         """
         ended = self._has_ended.copy()
         final: np.ndarray = np.full(self.num_envs, None, dtype=object)
@@ -230,9 +244,12 @@ class DispatchVecEnv(VectorEnv[Arrays, np.ndarray, np.ndarray]):
             self._begin(int(number), None)
         self._batch.step()
         begun = self._infos(np.ones(self.num_envs, np.bool_))
+        # Gymnasium's "_key" says in which orchards "key" counts: here only where one has ended.
         final_info = {}
         for key, values in infos.items():
-            final_info[key] = values & ended if key.startswith("_") else values
+            final_info[key] = values
+            if key.startswith("_"):
+                final_info[key] = values & ended
         begun |= {
             "final_obs": final,
             "_final_obs": ended,
@@ -241,10 +258,11 @@ class DispatchVecEnv(VectorEnv[Arrays, np.ndarray, np.ndarray]):
         }
         return self._observed(), begun
 
-    # -- what is told
+    # -- results of a step
 
     def _rewards(self, begins: np.ndarray) -> np.ndarray:
         """Return the reward in each orchard; 0 where an episode begins."""
+        # (orchards, 3): the fields of a Transition.
         happened = self._batch.arrays["happened"]
         rewards: np.ndarray = np.zeros(self.num_envs)
         if self._takes_arrays:
@@ -253,14 +271,14 @@ class DispatchVecEnv(VectorEnv[Arrays, np.ndarray, np.ndarray]):
         else:
             for number in np.flatnonzero(~begins):
                 seconds, waited, delivered = happened[number].tolist()
-                # What is no number must not become NaN in silence.
+                # float() raises for None, which an array of numpy would take as NaN.
                 reward = self._reward(Transition(seconds, waited, int(delivered)))
                 rewards[number] = float(reward)
         rewards[begins] = 0.0
         return rewards
 
     def _observed(self) -> Arrays:
-        """Return what there is to decide about in each orchard."""
+        """Return the observation of each orchard."""
         arrays = self._batch.arrays
         return {
             "bins": arrays["bins_seen"].reshape(self.num_envs, -1).copy(),
@@ -269,7 +287,7 @@ class DispatchVecEnv(VectorEnv[Arrays, np.ndarray, np.ndarray]):
         }
 
     def _infos(self, which: np.ndarray) -> dict[str, Any]:
-        """Return infos of some orchards. `which`: (orchards,) bool."""
+        """Return the infos. `which`: for which orchards they count, (orchards,) bool."""
         episodes = self._batch.arrays["episodes"]
         has_seconds = which & (episodes["stage"] == OVER) & episodes["is_finished"]
         infos = {"action_mask": self._batch.arrays["masks"].copy(), "_action_mask": which.copy()}

@@ -1,9 +1,14 @@
 """The bins of a log: when each was full, fetched and unloaded.
 
-The events of a bin have no number in common. What is fetched is the full bin of its picker, or of
-its row. What is unloaded is the newest one that the carrier has fetched on that day. Where lines
-name no carrier, it is the oldest one of that day: bins of several carriers are under way together.
-If there is none of that day, it is the newest one of the days before.
+A log has no number of a bin, so its lines are matched to bins (`_BinBook`):
+
+- A line with "fetched" is about the full bin of its picker, or of its row.
+- A line with "unloaded" is about the newest bin that its carrier has fetched on that day.
+- If lines name no carrier, it is about the oldest bin that was fetched on that day, because bins of
+  several carriers are under way together.
+- If no bin was fetched on that day, it is about the newest bin of the days before.
+
+Working seconds are seconds from midnight without the breaks of the scenario's shift.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,21 +22,24 @@ from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import WorkShift
 from orchard.field.scenario.shift import minutes_of
 
-# A time without any event is told if it is longer than this, s, so that no short rest is.
+# A time of a day without any line counts as a silence if it is longer than LEAST_SILENCE, s,
+# because short rests are usual, and longer than TIMES_THE_MEAN times the mean time between two
+# lines, because a log of few bins has long times between all of its lines.
 LEAST_SILENCE = 900.0
-# And so many times as long as the mean between two events, so that a log of few bins is not
-# full of them.
 TIMES_THE_MEAN = 10.0
 
 
 @dataclass(frozen=True)
 class LoggedBin:
-    """A bin, in a log or in a model. Times are working seconds of its day; None: not known."""
+    """A bin, of a log or of a harvest of the event model.
+
+    Times are working seconds of its day; None: not known. Names are "" if not known.
+    """
 
     picker: str
     row: str
     carrier: str
-    #: By it the bins of a log are told apart, and in order. All bins of a model have the same one.
+    #: All bins of a model have the same day.
     day: date
     full: float
     fetched: float | None
@@ -41,7 +49,7 @@ class LoggedBin:
 
     @property
     def chain(self) -> str:
-        """What fills one bin after another: its picker, or else its row."""
+        """The name of what fills one bin after another: of its picker, or else of its row."""
         return self.picker or f"row {self.row}"
 
 
@@ -58,7 +66,7 @@ class Silence:
 class LoggedBins:
     """The bins of a log, in the order in which they were full.
 
-    `gaps`: what is told of lines that are missing.
+    `gaps`: sentences for the user about lines that seem to be missing, silences included.
     """
 
     bins: list[LoggedBin]
@@ -68,30 +76,31 @@ class LoggedBins:
 
 @dataclass
 class _OpenBin:
-    """A bin while the log is read."""
+    """A bin while lines are matched: the lines that are about it, None if there is none yet."""
 
     full: LogLine
     fetched: LogLine | None = None
     unloaded: LogLine | None = None
     #: Whether the next bin of its picker, or row, was full before this one was fetched.
     is_overtaken: bool = False
-    #: Whether two more were: then it will not be fetched.
+    #: Whether two more bins were full before that: then it can no longer be fetched.
     is_lost: bool = False
-    #: Whether its carrier has unloaded a bin that it has fetched later.
+    #: Whether its carrier has meanwhile unloaded a bin that it fetched later.
     is_passed_over: bool = False
 
     @property
     def waits(self) -> bool:
-        """Whether it may still be fetched."""
+        """Whether a line with "fetched" may still be about it."""
         return self.fetched is None and not self.is_lost
 
 
 def bins_of(log: BinLog, shift: WorkShift) -> LoggedBins:
-    """Return the bins of a log. `shift`: its breaks are no working time.
+    """Return the bins of a log. `shift`: the working day of the scenario, with its breaks.
 
     Raises ScenarioError for events that cannot be, such as a bin that is fetched before it is full,
     and for times of another clock.
     """
+    # At the same time a bin is first full, then fetched, then unloaded.
     in_order = sorted(log.lines, key=lambda line: (line.time, EVENTS.index(line.event)))
     of_other_clock = list(clock_problems(in_order, shift, log.file))
     if of_other_clock:
@@ -140,7 +149,7 @@ def _time_on_day(line: LogLine | None, day: date, shift: WorkShift) -> float | N
 
 @dataclass(frozen=True, eq=False)
 class _Carried:
-    """A bin that is on its way, and the line that says so."""
+    """A bin that was fetched and is not unloaded yet, and the line by which it was fetched."""
 
     opened: _OpenBin
     fetched: LogLine
@@ -151,7 +160,10 @@ class _Carried:
 
 
 class _BinBook:
-    """Matches events to bins, in the order of time."""
+    """Matches lines to bins, in the order of time.
+
+    Lines may be missing, so the newest bin that fits is taken: of an older one a line is missing.
+    """
 
     def __init__(self, file: str) -> None:
         self.file = file
@@ -161,7 +173,7 @@ class _BinBook:
         self.problems: list[Problem] = []
 
     def take(self, line: LogLine) -> None:
-        """Take an event."""
+        """Match the next line."""
         if line.event == "full":
             self._begin(line)
         elif line.event == "fetched":
@@ -170,15 +182,16 @@ class _BinBook:
             self._unload(line)
 
     def _begin(self, line: LogLine) -> None:
-        """Begin a bin. One of the same picker that was not fetched is overtaken."""
+        """Begin a bin. A bin of the same picker that was not fetched is overtaken."""
         for opened in self.bins:
             if opened.waits and _is_of(line, opened.full):
+                # Lost if it was overtaken before.
                 opened.is_lost = opened.is_overtaken
                 opened.is_overtaken = True
         self.bins.append(_OpenBin(line))
 
     def _fetch(self, line: LogLine) -> None:
-        """Find the bin that is fetched: the newest one, because a line of older ones is missing."""
+        """Find the bin that is fetched: the newest full one of the line's picker or row."""
         for opened in reversed(self.bins):
             if opened.waits and _is_of(line, opened.full):
                 opened.fetched = line
@@ -191,13 +204,12 @@ class _BinBook:
         self.problems.append(Problem(self.file, text, line=line.number))
 
     def _unload(self, line: LogLine) -> None:
-        """Find the bin that is unloaded: the newest one of its carrier, because a line of older
-        ones is missing; the oldest one if no carrier is named.
+        """Find the bin that is unloaded: the newest one of the line's carrier, or the oldest one if
+        no carrier is named.
         """
         carried = [taken for taken in self.on_their_way if _is_unloaded_by(line, taken)]
         of_day = [taken for taken in carried if taken.fetched.time.date() == line.time.date()]
-        # A bin of a day before has stood overnight, which tells nothing of its drive. It is the
-        # newest one, because of older ones a line with unloaded is missing.
+        # Without a bin of that day it is the newest one of the days before.
         possible = of_day or carried[-1:]
         if possible:
             unloaded = possible[0]
@@ -216,7 +228,7 @@ class _BinBook:
         self.problems.append(Problem(self.file, text, line=line.number))
 
     def _last_of(self, line: LogLine) -> str:
-        """Return what the log says of the last bin that may be meant, in words."""
+        """Return what the log says of the last bin that a line may mean, for an error message."""
         for opened in reversed(self.bins):
             if _is_of(line, opened.full):
                 last = opened.unloaded or opened.fetched or opened.full
@@ -228,7 +240,10 @@ class _BinBook:
         return ""
 
     def gaps(self, logged: frozenset[str]) -> Iterator[str]:
-        """Yield bins of which lines are missing, in words. `logged`: events that there are."""
+        """Yield a sentence for each bin of which lines seem to be missing.
+
+        `logged`: the events that are in the log. One that never is, the user does not log.
+        """
         newest = {whose(opened.full): opened for opened in self.bins}
         for opened in self.bins:
             line = opened.full
@@ -241,6 +256,7 @@ class _BinBook:
                     " line with fetched is missing; its times are left out"
                 )
             is_on_its_way = opened.fetched is not None and opened.unloaded is None
+            # The newest bin may still have been on its way when the log ended.
             is_missing = opened.is_passed_over or opened is not newest[name]
             if is_on_its_way and is_missing and "unloaded" in logged:
                 yield (
@@ -250,7 +266,9 @@ class _BinBook:
 
 
 def _is_of(line: LogLine, full: LogLine) -> bool:
-    """Whether a line is about the bin of another one: picker or row are the same, none differs."""
+    """Whether a line is about the bin of a line with "full": picker or row are the same, and
+    neither differs. A name that is missing does not differ.
+    """
     if line.picker and full.picker and line.event == "full":
         # The next bin of a picker may be full in another row.
         return line.picker == full.picker
@@ -272,7 +290,7 @@ def _is_unloaded_by(line: LogLine, taken: _Carried) -> bool:
 
 
 def _shares(name: str, with_name: str) -> bool:
-    """Whether two lines say the same name."""
+    """Whether two names are the same, and there is one."""
     return bool(name) and name == with_name
 
 
@@ -305,11 +323,12 @@ def _silence_words(file: str, before: LogLine, after: LogLine) -> str:
 
 
 def worked_seconds(time: datetime, shift: WorkShift) -> float:
-    """Return the working time from midnight to a time of day, s: without the shift's breaks."""
+    """Return the working seconds up to a time of day: from midnight, without the shift's breaks."""
     seconds = 3600.0 * time.hour + 60.0 * time.minute + time.second + 1e-6 * time.microsecond
-    stood = 0.0
+    rested = 0.0
     for pause, resumption in shift.breaks:
         begin = 60.0 * minutes_of(pause)
         end = 60.0 * minutes_of(resumption)
-        stood += min(max(0.0, seconds - begin), end - begin)
-    return seconds - stood
+        # A time in a break counts as the break's begin.
+        rested += min(max(0.0, seconds - begin), end - begin)
+    return seconds - rested

@@ -1,4 +1,8 @@
-"""Whether the times of a log are those of the orchard's own clock: its days must be days there."""
+"""Checks that the times of a log are of the orchard's own clock, and not of another one, such as
+UTC.
+
+With the clock of another zone a day's work would begin on one date and end on the next one.
+"""
 
 from collections.abc import Iterator, Sequence
 from datetime import timedelta
@@ -9,14 +13,16 @@ from orchard.field.problems import Problem
 from orchard.field.scenario import WorkShift
 from orchard.field.scenario.shift import minutes_of
 
-# The share of lines outside the working day up to which the clock is believed.
+# The clock counts as right as long as at most this share of lines is outside the working day of the
+# scenario: some work begins early or ends late.
 MOST_OUTSIDE = 0.25
-# Lines of two dates between which so little time is belong to one day's work.
+# If less time than this is between the last line of a date and the first one of the next date, both
+# belong to one day's work, which goes on over midnight.
 SHORTEST_NIGHT = timedelta(hours=2)
 
 
 def clock_problems(lines: Sequence[LogLine], shift: WorkShift, file: str) -> Iterator[Problem]:
-    """Yield why times seem to be those of another clock, such as UTC. `lines`: in order of time."""
+    """Yield what is wrong if times seem to be those of another clock. `lines`: in order of time."""
     advice = "write the times of the orchard's own clock, not of UTC"
     outside = _outside(lines, shift)
     if len(outside) > MOST_OUTSIDE * len(lines):
@@ -34,6 +40,7 @@ def clock_problems(lines: Sequence[LogLine], shift: WorkShift, file: str) -> Ite
                 f" day: {advice}"
             )
             yield Problem(file, text, line=after.number)
+            # One example is enough: other nights are alike.
             return
 
 

@@ -41,7 +41,10 @@ def run_calibration(chosen: CalibrationOptions) -> int:
 
 @dataclass(frozen=True)
 class _Evidence:
-    """What a fit rests on: the log, its bins with the rows as the orchard has them, the orchard."""
+    """What a fit rests on.
+
+    `logged`: the bins of the log; their rows have the numbers of the orchard's scenario.
+    """
 
     log: BinLog
     logged: LoggedBins
@@ -49,7 +52,7 @@ class _Evidence:
 
 
 def _calibrate(chosen: CalibrationOptions) -> None:
-    """Fit, test, print and write. It does not turn errors into words.
+    """Fit, test, print and write, and leave errors to the caller.
 
     Raises ScenarioError, OSError, Jam; ValueError or NotImplementedError for what the event model
     does not know.
@@ -89,9 +92,9 @@ def _read(chosen: CalibrationOptions) -> _Evidence:
 
 
 def _fit_and_test(evidence: _Evidence, confidence: float) -> tuple[Fit, list[str]]:
-    """Return what fits all days but the last one, and in words how well it predicts that one.
+    """Return the fit to all days but the last one, and in words how well it predicts the last one.
 
-    Where the last day is no test, the words say why, and the fit is to what there is.
+    Where the last day is no test, the words say why. A log of one day is fitted whole.
     """
     logged = evidence.logged
     orchard = evidence.orchard
@@ -132,7 +135,10 @@ def _print_notes(notes: Sequence[str]) -> None:
 
 @contextmanager
 def _progress() -> Iterator[Callable[[int], None]]:
-    """Show how far it is on a terminal."""
+    """Show in this context on a terminal how far the calibration is.
+
+    It yields a function that takes the number of test runs that are done.
+    """
     with bar(TextColumn("{task.description}", markup=False)) as shown:
         task = shown.add_task("fits the log", total=RUNS)
 

@@ -1,9 +1,10 @@
 """How fast carriers drive, and how long they take at the bay: estimates from a log.
 
-The time from a fetched bin to the unloaded one grows with the way to the bay. Its slope is what a
-metre takes, and the rest is what is handled and waited for. Both have a part in which carriers wait
-for each other. A harvest of the event model has such parts too: there they are known, because its
-speed and its time in the bay are. They are taken off.
+The time from when a bin is fetched until it is unloaded (its drive) grows with its way to the bay.
+A line through these times has a slope, the seconds that a metre takes, and a rest, the seconds that
+a way of no length would take. Slope and rest are larger than driving and the time in the bay alone,
+because carriers wait for each other. In a harvest of the event model the speed and the time in the
+bay are known. So it is known how much the waits are there, and they are taken off those of the log.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,7 +18,7 @@ from orchard.calibrate.bins import LoggedBin, Silence
 from orchard.calibrate.estimates import FittedValue, estimate
 from orchard.calibrate.picking import MOST_TIMES_THE_MEDIAN, is_silent
 
-# Fewer drives tell nothing of carriers.
+# With fewer drives nothing is fitted.
 LEAST_DRIVES = 12
 # m from the shortest way to the longest one. Below that, drives tell the time in the bay, but no
 # speed.
@@ -29,14 +30,14 @@ MOST_UNKNOWN = 0.02
 
 @dataclass(frozen=True)
 class BinDrives:
-    """Ways from a row to the bay, m, and how long each took, s: (n,) each."""
+    """The ways of full bins from their rows to the bay, m, and how long each took, s: (n,) each."""
 
     metres: np.ndarray
     seconds: np.ndarray
 
     @property
     def reach(self) -> float:
-        """From the shortest way to the longest one, m."""
+        """How much longer the longest way is than the shortest one, m."""
         if not len(self.metres):
             return 0.0
         return float(np.ptp(self.metres))
@@ -89,7 +90,7 @@ def drives_of(
 def _known_drives(
     bins: Sequence[LoggedBin], metres_of: Mapping[str, float], silences: Sequence[Silence]
 ) -> Iterator[_Drive]:
-    """Yield the drives of bins of which row and both times are known, without a silence between."""
+    """Yield the drives of bins of which row and both times are known, but not over a silence."""
     for logged in bins:
         fetched = logged.fetched
         unloaded = logged.unloaded
@@ -106,11 +107,14 @@ def _drives(drives: Sequence[_Drive]) -> BinDrives:
 
 
 def slope_of(metres: np.ndarray, seconds: np.ndarray, axis: int = -1) -> np.ndarray:
-    """Return what a metre takes, s, by least squares, (...). Both: (..., n)."""
+    """Return the seconds that a metre takes, by least squares, (...). NaN: all ways are equal.
+
+    `metres`, `seconds`: of drives, (..., n) each. `axis`: that of drives.
+    """
     away = metres - metres.mean(axis=axis, keepdims=True)
     squares = (away**2).sum(axis=axis)
     products = (away * seconds).sum(axis=axis)
-    # All ways of a resample may be equal.
+    # In a resample all ways may be equal.
     unknown = np.full(squares.shape, np.nan)
     slopes: np.ndarray = np.divide(products, squares, out=unknown, where=squares > 0.0)
     return slopes
@@ -118,10 +122,10 @@ def slope_of(metres: np.ndarray, seconds: np.ndarray, axis: int = -1) -> np.ndar
 
 @dataclass(frozen=True)
 class DrivingFit:
-    """What the log tells of carriers. A value is None where it does not tell it.
+    """What the log tells of carriers.
 
-    `speed`: m/s. `unloading`: for which a carrier stands in the bay, s. `why`: why the speed is not
-    told, or "".
+    `speed`: m/s; None if the log does not tell it, and then `why` says why. `unloading`: how long a
+    carrier stands in the bay, s. `count`: of drives.
     """
 
     speed: FittedValue | None
@@ -146,7 +150,7 @@ def fit_driving(
     mean_of_model = float(model.seconds.mean())
     metres_of_model = float(model.metres.mean())
     slope_of_model = float(slope_of(model.metres, model.seconds))
-    # What a metre takes beside driving: robots that wait for each other.
+    # The seconds a metre of waits for other robots, in the model.
     lost = slope_of_model - 1.0 / model_speed
 
     # `estimate` gives each of these an `axis`, which is always the last one.
@@ -155,7 +159,7 @@ def fit_driving(
         return 1.0 / (slope_of(metres, seconds) - lost)
 
     def unloading(metres: np.ndarray, seconds: np.ndarray, axis: int = -1) -> np.ndarray:
-        """Return the times in the bay, s, (...), where drives tell their slope."""
+        """Return the times in the bay, s, (...), by the drives' own slope."""
         slope = slope_of(metres, seconds)
         rest = seconds.mean(axis=-1) - slope * metres.mean(axis=-1)
         rest_of_model = mean_of_model - slope_of_model * metres_of_model
@@ -163,9 +167,7 @@ def fit_driving(
         return times
 
     def unloading_alone(metres: np.ndarray, seconds: np.ndarray, axis: int = -1) -> np.ndarray:
-        """Return the times in the bay, s, (...), where drives tell no slope: that of the model
-        holds.
-        """
+        """Return the times in the bay, s, (...), by the slope of the model."""
         away = metres.mean(axis=-1) - metres_of_model
         expected = mean_of_model + slope_of_model * away
         times: np.ndarray = seconds.mean(axis=-1) - expected + model_unloading

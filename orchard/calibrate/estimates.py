@@ -1,4 +1,8 @@
-"""An estimate with its interval, and the resampling by which intervals are fitted."""
+"""An estimate with its interval, and the bootstrap by which intervals are computed.
+
+The bootstrap draws RESAMPLES samples of the same size from the sample of a log, with replacement,
+and computes the value of each: the resamples. The interval is that of most of these values.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,9 +12,9 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 from scipy.stats import DegenerateDataWarning, bootstrap
 
-# Resamples of an interval.
+# Resamples of an interval. 999 is usual: percentiles fall on single resamples.
 RESAMPLES = 999
-# The seed by which they are drawn.
+# Of the drawing of resamples: the same log has the same intervals each time.
 SEED = 1
 # Resamples that are in memory at once.
 BATCH = 100
@@ -22,8 +26,8 @@ Statistic = Callable[..., np.ndarray]
 class FittedValue:
     """A value that was fitted, and the interval in which it lies.
 
-    `draws`: (RESAMPLES,) the values of all resamples. Those of estimates of one sample belong
-    together.
+    `draws`: (RESAMPLES,) the values of all resamples; NaN for a resample that has no value. If two
+    values were fitted to the same sample, `draws[i]` of both are of the same resample.
     """
 
     value: float
@@ -33,11 +37,14 @@ class FittedValue:
 
     @property
     def unknown(self) -> float:
-        """The share of resamples that tell nothing."""
+        """The share of resamples that have no value, 0 to 1."""
         return float(np.isnan(self.draws).mean())
 
     def of(self, resample: int | None) -> float:
-        """Return the value of a resample; the estimate itself for None, and for one without any."""
+        """Return the value of a resample.
+
+        That is the estimate itself for None, and for a resample that has no value.
+        """
         if resample is None or not np.isfinite(self.draws[resample]):
             return self.value
         return float(self.draws[resample])
@@ -54,8 +61,10 @@ def estimate(
 ) -> FittedValue:
     """Return an estimate with its percentile interval.
 
-    `samples`: (n,) each, resampled together. `statistic`: of resamples, (..., n) each. scipy gives
-    it their `axis` too, which is always the last one.
+    `value`: of the samples themselves. `samples`: (n,) each; element i of all of them belongs
+    together, and is resampled together. `statistic`: a function from resamples, (..., n) each, to
+    their values, (...). scipy also gives it `axis`, which is always the last one here.
+    `confidence`: of the interval, 0 to 1.
     """
     options: dict[str, Any] = {"method": "percentile", "vectorized": True, "axis": -1}
     with catch_warnings():
@@ -72,8 +81,8 @@ def estimate(
             **options,
         )
     draws = result.bootstrap_distribution
-    # A resample may tell nothing, such as the slope of equal ways.
-    # Percent on either side of the interval.
+    # Percent of the resamples on either side of the interval. Those without a value (NaN), such as
+    # the slope of equal ways, do not count.
     tail = 50.0 * (1.0 - confidence)
     lowest, highest = np.nanpercentile(draws, [tail, 100.0 - tail])
     return FittedValue(value, min(value, float(lowest)), max(value, float(highest)), draws)

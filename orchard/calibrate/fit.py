@@ -1,8 +1,10 @@
 """Fits a scenario to the bins of a log.
 
-What a log does not have directly is fitted by the event model. The model writes a log of its own
-with the values fitted so far. In that log it is known how long a bin takes other than for picking,
-and that time is taken off the user's log. After `ROUNDS` rounds the values no longer change.
+A log has no picking times: a bin's time also has the ways of the picker, and a drive also has
+waits. How much that is, the event model tells. It does a harvest with the values fitted so far, and
+its bins are measured as those of the log are. There the picking rate is known. So the rest is known
+too, and it is taken off the times of the log. With the new values the model does another harvest.
+After `ROUNDS` rounds the values hardly change.
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,12 +32,13 @@ from orchard.field.scenario import NEAREST, Scenario, with_changes
 from orchard.field.scenario.sections import LEAST_CV, Carrying, Handling, Spread
 
 ROUNDS = 2
-# Harvests of the model in a round, where the seed matters.
+# Harvests of the model in a round for the drives of carriers: they depend on the seed.
 SEEDS = 3
 # The distribution of what differs, if the scenario does not say one.
 USUAL_SPREAD = "lognormal"
-# The section of a scenario in which nothing differs: the schema's defaults, distribution none. Any
-# other cv than its default would be a value that has no effect, which a scenario's file refuses.
+# The section `picking.spread` of a scenario in which nothing differs: the schema's defaults, with
+# the distribution "none". Its cv is the default too, because a scenario's file refuses any other
+# cv, which would have no effect.
 ALIKE = Spread().model_dump()
 
 
@@ -43,7 +46,8 @@ ALIKE = Spread().model_dump()
 class Fit:
     """What a log tells, and the scenario with it.
 
-    `left_out`: times that were not used, a sentence each. `notes`: what the log does not tell.
+    `driving`: None if the log does not tell it. `left_out`: times that were not used, a sentence
+    each. `notes`: what the log does not tell, a sentence each.
     """
 
     scenario: Scenario
@@ -66,7 +70,7 @@ def fit(
 
     `base`: all that the log does not tell. `has_rows`: whether rows of the log are those of `base`.
     `is_assumed`: the user has named no scenario. Raises ScenarioError if the log has too few bins,
-    or no scenario can be as it says; and what `model_bins` raises.
+    or if no scenario can have what the log says; and what `model_bins` raises.
     """
     intervals, left_out = without_long_ones(intervals_of(logged.bins, logged.silences), file)
     base = base.model_copy(update={"picker_rates": {}})
@@ -93,9 +97,10 @@ def fit(
 
 
 def _plain(base: Scenario) -> Scenario:
-    """Return a scenario in which nothing differs and nothing fails, and the nearest carrier comes.
+    """Return a scenario in which nothing differs and nothing fails, with the policy `nearest`.
 
-    Its policy is compiled, and which carrier comes changes neither ways nor picking.
+    That policy is compiled, so the model is fast. Which carrier comes changes neither the ways of
+    pickers nor their picking.
     """
     changes = {
         "picking.spread": ALIKE,
@@ -116,7 +121,7 @@ def _fit_picking(
 ) -> PickingFit:
     """Return how fast pickers pick. `plain`: as `_plain` returns it. Raises ScenarioError.
 
-    `advice`: ends what is told of a scenario that cannot be that of the log.
+    `advice`: the end of the messages about a scenario that cannot be that of the log.
     """
     if not intervals:
         text = (
@@ -136,6 +141,7 @@ def _fit_picking(
                 f" has none{advice}"
             )
             raise ScenarioError([Problem(file, text)])
+        # What a picker of the model does beside picking, s a bin.
         beside = float(PickingTimes(of_model).means.mean()) - 3600.0 / rate
         times = PickingTimes(intervals, beside)
         if float(times.times.min()) <= 0.0:
@@ -168,7 +174,7 @@ def _named_as_in(intervals: Sequence[BinInterval], bins: Sequence[LoggedBin]) ->
 
 @contextmanager
 def _as_of_the_log(file: str, rate: float, advice: str) -> Iterator[None]:
-    """In this context, a rate that no scenario can have is told as one of the log."""
+    """In this context, report a rate that no scenario can have as an error of the log."""
     try:
         yield
     except ScenarioError as error:
@@ -185,7 +191,10 @@ def _rate_values(rate: float) -> dict[str, Any]:
 
 
 def _picking_values(base: Scenario, picking: PickingFit, notes: list[str]) -> dict[str, Any]:
-    """Return the changes of a scenario by what the log tells of picking."""
+    """Return the changes of a scenario by what the log tells of picking.
+
+    What the log does not tell is added to `notes`.
+    """
     values = _rate_values(round(picking.rate.value, 4))
     spreads = {
         "picking.spread": (picking.between_rows, base.picking.spread, "rows"),
@@ -259,11 +268,12 @@ def driving_values(
 
 
 def _within(section: type[BaseModel], name: str, value: float, key: str, notes: list[str]) -> float:
-    """Return the possible value of a scenario that is nearest to a value.
+    """Return the value that a scenario can have and that is nearest to `value`.
 
-    If it is not the value itself, `notes` say so. `section`, `name`: the field that has the limits.
+    If it is another one, `notes` say so. `section`, `name`: the field that has the limits.
     `key`: the field's path in a scenario.
     """
+    # The limits of the field by their kind: "Ge" is the least value, "Le" the most.
     limits = {type(limit).__name__: limit for limit in section.model_fields[name].metadata}
     least = float(limits["Ge"].ge)
     most = float(limits["Le"].le)

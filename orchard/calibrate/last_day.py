@@ -1,8 +1,8 @@
 """Tests a fit on a day that it did not see: the bins an hour of the log beside those of the model.
 
-Each run of the model has the pickers and the carriers of that day, values that are drawn from what
-the fit is unsure of, and a seed of its own. A picker that the fit knows has its own rate, another
-one is drawn.
+Each run of the model has the pickers and the carriers of that day, and another seed. Its values are
+those of one resample of the fit, so that the runs differ as much as the fit is unsure. A picker
+that is known from the days before has its fitted rate, and that of another one is drawn.
 """
 
 import math
@@ -26,24 +26,24 @@ from orchard.field.scenario.sections import LEAST_CV
 
 # Runs of the model.
 RUNS = 20
-# Bins of the day for each picker, from which on it is a test.
+# A day is a test if it has at least so many bins for each picker.
 LEAST_BINS = 2
-# Limits of what is drawn for a picker, as a share of the usual rate.
+# Limits of the rate of a picker, as a share of the usual rate.
 SLOWEST = 0.2
 QUICKEST = 5.0
 
 
 @dataclass(frozen=True)
 class LastDay:
-    """The bins an hour of a day: those of the log, and the interval in which one day should lie."""
+    """A day of the log beside what the fit predicts for it."""
 
     day: date
     bins: int
     pickers: int
     carriers: int
-    logged: float
-    predicted: float
-    low: float
+    logged: float  #: bins/h of the log
+    predicted: float  #: bins/h of the model, mean of the runs
+    low: float  #: bins/h; the interval from `low` to `high` should contain `logged`
     high: float
 
     @property
@@ -65,7 +65,7 @@ def split_last_day(logged: LoggedBins) -> tuple[LoggedBins, list[LoggedBin]]:
 def rate_of(bins: Sequence[LoggedBin], silences: Sequence[Silence] = ()) -> float:
     """Return the bins an hour of a day, from its first full bin to its last one.
 
-    `logged_seconds` of them must be more than none.
+    `logged_seconds` of these bins must be more than 0.
     """
     return 3600.0 * (len(bins) - 1) / logged_seconds(bins, silences)
 
@@ -83,7 +83,10 @@ def logged_seconds(bins: Sequence[LoggedBin], silences: Sequence[Silence] = ()) 
 
 
 def why_untested(of_day: Sequence[LoggedBin], silences: Sequence[Silence], usual: int) -> str:
-    """Return why a day is no test of a fit, or "". `usual`: pickers, if the log names none."""
+    """Return why a day is no test of a fit; "" if it is one.
+
+    `usual`: how many pickers there are if the log names none.
+    """
     if not of_day:
         return "the log has one day, so nothing is left to test the fit on; a second day would do"
     pickers = len(_pickers_of(of_day)) or usual
@@ -129,13 +132,14 @@ def check_on_day(
         drawn = _drawn(fitted, scenario, names, run)
         rates.append(rate_of(first_model_bins(drawn, len(of_day))))
         tell(run + 1)
-    width = float(students_t.ppf(0.5 + confidence / 2.0, RUNS - 1))
+    # Half of the interval, in standard deviations.
+    deviations = float(students_t.ppf(0.5 + confidence / 2.0, RUNS - 1))
     predicted = fmean(rates)
-    # The bins of the model are alike, and those of a day are not.
+    # The standard deviation by single bins, bins/h: they differ on a day, and not in the model.
     of_bins = predicted * (fitted.picking.between_bins or 0.0)
-    # Of a further run, about a mean of RUNS that is not exact either.
+    # The variance of one day about the mean of RUNS runs, which is not exact either.
     of_runs = variance(rates) * (1.0 + 1.0 / RUNS)
-    half = width * math.sqrt(of_runs + of_bins**2 / len(of_day))
+    half = deviations * math.sqrt(of_runs + of_bins**2 / len(of_day))
     return LastDay(
         day=of_day[0].day,
         bins=len(of_day),
@@ -149,7 +153,10 @@ def check_on_day(
 
 
 def _drawn(fitted: Fit, scenario: Scenario, names: Sequence[str], run: int) -> Scenario:
-    """Return the scenario of a run: its values are drawn from what the fit is unsure of."""
+    """Return the scenario of a run, with the values of a random resample of the fit.
+
+    `names`: of the day's pickers. `run`: the number of the run, from 0.
+    """
     picking = fitted.picking
     random = np.random.default_rng((SEED, run))
     resample = int(random.integers(RESAMPLES))
@@ -167,12 +174,13 @@ def _drawn(fitted: Fit, scenario: Scenario, names: Sequence[str], run: int) -> S
     spread = 0.0
     if picking.between_pickers is not None:
         spread = picking.between_pickers.value
-    # Of a lognormal distribution with this coefficient of variation. Picking times are drawn with
-    # the usual time as their mean; rates are their inverses, so half of sigma**2 is added.
+    # Picking times are lognormal with this coefficient of variation and the usual time as their
+    # mean. sigma is the standard deviation of their logarithm. A rate is the inverse of a time, so
+    # sigma**2 / 2 is added to its logarithm where a time of that mean has it subtracted.
     sigma = math.sqrt(math.log(1.0 + spread * spread))
     rates = {}
     for number in range(scenario.pickers):
-        # Drawn for each, so that a picker that is known changes nothing of the others.
+        # Drawn for each picker, also if its rate is known: so the draws of others stay the same.
         share = math.exp(sigma * random.standard_normal() + sigma * sigma / 2.0)
         if number < len(names) and names[number] in picking.rates:
             share = picking.rates[names[number]] / picking.rate.value

@@ -1,7 +1,8 @@
 """Reads a log of bins: CSV with a line of column names, then a line for each event.
 
-A line says when a bin was full, fetched or unloaded, and of which picker, in which row, by which
-carrier. All that is wrong with lines is collected, each with its line and with what would be right.
+A line says when a bin was full, fetched or unloaded, and which picker, row and carrier it was. All
+that is wrong with lines is collected (`Problem`), each with the number of its line and with what
+would be right. `orchard.calibrate.bins` matches the lines to bins.
 """
 
 import csv
@@ -21,7 +22,7 @@ from orchard.surveys.texts import text_of
 Event = Literal["full", "fetched", "unloaded"]
 EVENTS: tuple[Event, ...] = ("full", "fetched", "unloaded")
 HEADER = "time,event,picker,row,carrier"
-# Column -> the names that it may have, without case, spaces and signs.
+# Column -> the names that it may have in a file, as `_plain` returns them.
 COLUMNS = {
     "time": ("time", "timestamp", "datetime", "when"),
     "event": ("event", "what", "action", "status"),
@@ -29,7 +30,7 @@ COLUMNS = {
     "row": ("row", "rowid", "rowno", "rownumber"),
     "carrier": ("carrier", "carrierid", "tractor", "vehicle", "driver"),
 }
-# Event -> the words for it, written in the same way.
+# Event -> the words for it in a file, as `_plain` returns them.
 WORDS: dict[Event, tuple[str, ...]] = {
     "full": ("full", "filled", "binfull"),
     "fetched": ("fetched", "collected", "pickedup", "taken"),
@@ -42,7 +43,7 @@ _SEPARATORS = ";\t,"
 class LogLine:
     """A line of a log: an event of a bin. Names that it lacks are ""."""
 
-    number: int
+    number: int  #: of the line in the file, from 1
     time: datetime
     event: Event
     picker: str
@@ -52,7 +53,11 @@ class LogLine:
 
 @dataclass(frozen=True)
 class BinLog:
-    """A log that was read. `notes`: what was assumed, and what of the file is not used."""
+    """A log that was read.
+
+    `file`: its name, printable. `columns`: those of COLUMNS that it has. `notes`: what was assumed,
+    and what of the file is not used, a sentence each.
+    """
 
     file: str
     lines: list[LogLine]
@@ -63,6 +68,7 @@ class BinLog:
 def read_log(path: Path) -> BinLog:
     """Return the log in a file. Raises ScenarioError with all wrong lines, and OSError."""
     file = printable(str(path))
+    # `assumed`: which encoding the text was taken to have.
     text, assumed = text_of(path.read_bytes())
     notes = list(assumed)
     head = re.split(r"[\r\n]", text, maxsplit=1)[0]
@@ -77,6 +83,7 @@ def read_log(path: Path) -> BinLog:
     lines: list[LogLine] = []
     times: dict[int, LogTime] = {}
     for number, cells in cells_of.items():
+        # A cell without a column.
         if _has_text(cells[len(names) :]):
             text = (
                 f"has {len(cells)} cells below {len(names)} names; a cell with a separator in it"
@@ -108,9 +115,9 @@ def _has_text(cells: Sequence[str]) -> bool:
 
 
 def _values(cells: Sequence[str], places: Mapping[str, int]) -> dict[str, str]:
-    """Return the values of a line by column. `places`: column -> its number.
+    """Return the values of a line by column. A short line lacks its last columns.
 
-    A short line lacks its last columns.
+    `places`: column -> its number in the file, from 0.
     """
     values = {}
     for column, place in places.items():
@@ -135,7 +142,10 @@ def _plain(name: str) -> str:
 
 
 def _places_of(names: Sequence[str], file: str) -> dict[str, int]:
-    """Return where each column is. Raises ScenarioError if one is missing that is needed."""
+    """Return the number of each column of COLUMNS in the file, from 0.
+
+    Raises ScenarioError if one is missing that is needed.
+    """
     plain = [_plain(name) for name in names]
     places = {}
     for column, known in COLUMNS.items():
@@ -170,7 +180,7 @@ def _cells(text: str, separator: str, file: str) -> Iterator[tuple[int, list[str
 def _line_of(
     number: int, values: dict[str, str], file: str, problems: list[Problem]
 ) -> tuple[LogLine, LogTime] | None:
-    """Return an event, and its time as it is written; None if its line is wrong.
+    """Return a line, and its time as it is written; None if the line is wrong.
 
     `values`: by column. What is wrong is added to `problems`.
     """
@@ -187,7 +197,7 @@ def _line_of(
         problems.append(Problem(file, text, "event", shown, number))
     names = {}
     for column in ("picker", "row", "carrier"):
-        # Names that begin alike are not the same.
+        # Not shortened, because names that begin alike may differ at their ends.
         name = values.get(column, "")
         names[column] = printable(name, len(name))
     of_bin = names["picker"] or names["row"]
@@ -216,12 +226,14 @@ def _guess(word: str) -> str:
 
 
 def whose_in_words(line: LogLine) -> str:
-    """Return whose bin a line is about, in words."""
+    """Return the same as `whose`, at a length that can be printed in a sentence."""
     return printable(whose(line))
 
 
 def whose(line: LogLine) -> str:
-    """Return whose bin a line is about: names that are not the same differ."""
+    """Return the name by which the bins of a log are put together: of the bin's picker, else of its
+    row, else of its carrier.
+    """
     if line.picker:
         return line.picker
     if line.row:
@@ -230,7 +242,7 @@ def whose(line: LogLine) -> str:
 
 
 def _repeated(lines: Sequence[LogLine], file: str) -> Iterator[Problem]:
-    """Yield lines that say again what another one has said."""
+    """Yield lines that are the same as an earlier one."""
     first_of: dict[LogLine, int] = {}
     for line in lines:
         content = replace(line, number=0)

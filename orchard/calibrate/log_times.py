@@ -1,4 +1,8 @@
-"""The times of a log: ISO 8601, in one time zone, which may change to or from summer time once."""
+"""The times of a log: ISO 8601, in one time zone, which may change to or from summer time once.
+
+An offset is the difference of a zone's clock to UTC, as "+13:00". A time may be written without
+one.
+"""
 
 import re
 from collections import Counter
@@ -14,14 +18,15 @@ _HAS_TIME_OF_DAY = re.compile(r"\d[T ]\d")
 
 @dataclass(frozen=True)
 class LogTime:
-    """A time as it is written: the clock of its place, and the offset to UTC if there is one."""
+    """A time as it is written in a log."""
 
-    local: datetime
-    offset: timedelta | None
+    local: datetime  #: what the clock of the place shows, without an offset
+    offset: timedelta | None  #: to UTC; None if none is written
 
 
 def time_of(text: str) -> LogTime | None:
-    """Return the time in a text; None if it is none, or a date only."""
+    """Return the time in a text; None if the text is no time, or a date only."""
+    # Python takes a date for its midnight.
     if not _HAS_TIME_OF_DAY.search(text):
         return None
     try:
@@ -32,14 +37,16 @@ def time_of(text: str) -> LogTime | None:
 
 
 def time_problems(times: Mapping[int, LogTime], file: str) -> Iterator[Problem]:
-    """Yield the lines whose time is of another zone than that of most lines.
+    """Yield the lines of which the time is of another zone than that of most lines.
 
-    `times`: by line. A zone that changes from one day to the next, once, is summer time.
+    `times`: by number of the line. An offset that changes once, from one day to the next, is summer
+    time, and is no problem.
     """
     offsets = Counter(time.offset for time in times.values())
     if len(offsets) < 2 or _is_summer_time(times):
         return
     home = offsets.most_common(1)[0][0]
+    # The number of the first line of that zone.
     example = 0
     for line, time in times.items():
         if time.offset == home and not example:
@@ -62,7 +69,7 @@ def _is_summer_time(times: Mapping[int, LogTime]) -> bool:
     changes = []
     for before, after in pairwise(in_order):
         if before != after:
-            # Both have one offset.
+            # Each set has one offset. It may be None, which has no order.
             changes.append((min(before, key=str), min(after, key=str)))
     if len(changes) != 1:
         return False
@@ -81,6 +88,7 @@ def _zone_words(offset: timedelta | None) -> str:
 
 def _sign_of(offset: timedelta) -> str:
     """Return an offset as ISO 8601 writes it: "+13:00"."""
+    # Any time of this zone ends so: the last six characters are the offset.
     return datetime(2000, 1, 1, tzinfo=timezone(offset)).isoformat()[-6:]
 
 

@@ -1,7 +1,12 @@
-"""The log that a harvest of the event model would write: the same events as in a user's log.
+"""The bins that a harvest of the event model would write into a log, with the same events as in a
+user's log.
 
-What is fitted to a log is also fitted to this one. So what a log counts beside picking and driving,
-such as a picker's way out of its row, or a carrier that waits at the bay, is known and left out.
+The same is measured in these bins as in those of the user. In the model the picking rate and the
+speed are known. So it is known how much of a time is something else, such as a picker's way out of
+its row, or a carrier that waits at the bay. See `orchard.calibrate.fit`.
+
+The model notes in its log at which tick a robot begins each op. An op is a step of a robot, as the
+event model has it (`orchard.event_model.codes`).
 """
 
 from bisect import bisect_right
@@ -24,14 +29,14 @@ from orchard.plans.jobs import TimedStep, timed_steps
 from orchard.plans.routes import route_of
 from orchard.plans.steps import DriveTo, TakeBin, Unload
 
-# The day of a harvest of the model.
+# The day of all bins of a model: any day does.
 DAY = date(2000, 1, 1)
 
 
 def model_bins(scenario: Scenario) -> list[LoggedBin]:
     """Return the bins of a harvest in the order in which they are full.
 
-    A bin that is part full at the end counts for nothing. Raises Jam if the harvest does not end,
+    A bin that is part full at the end is left out. Raises Jam if the harvest does not end,
     and what `EventHarvest` raises.
     """
     harvest = EventHarvest(lay_out(scenario), is_logged=True).run()
@@ -45,10 +50,11 @@ def first_model_bins(scenario: Scenario, count: int) -> list[LoggedBin]:
     again and again. Raises as `model_bins` does.
     """
     layout = lay_out(scenario)
-    # The fastest picker may fill most of them.
+    # So many rows that one picker could fill all of them.
     rows_each = ceil(count * scenario.chosen["metres_per_bin"] / layout.mean_length) + 1
     harvest = EventHarvest(picked_again(layout, rows_each), is_logged=True)
-    # Each picker has a bin that is full, or on its way.
+    # Some more than are wanted, so that most of the wanted ones are delivered too: at any time each
+    # picker and each carrier may have a full bin that is not.
     enough = count + scenario.pickers + scenario.carrier_count
     harvest.run(lambda: harvest.delivered < enough)
     bins = _bins_of(harvest)
@@ -71,7 +77,8 @@ def _bins_of(harvest: EventHarvest) -> list[LoggedBin]:
         trips_of.setdefault(trip.row, []).append(trip)
     bins = []
     for picker, row, tick in _full_bins(harvest):
-        # Of a row one bin at a time is full, so the next trip to the row fetches it.
+        # One bin of a row is full at a time, so the next trip to the row fetches it. Without one
+        # the bin is not fetched yet.
         trip = _Trip(row)
         for later in trips_of.get(row, []):
             if later.fetched > tick:
@@ -92,7 +99,7 @@ def _bins_of(harvest: EventHarvest) -> list[LoggedBin]:
 
 
 def _seconds(tick: int) -> float | None:
-    """Return the time of a tick, s; None if it is not yet."""
+    """Return the time of a tick, s; None for the tick NONE."""
     if tick == c.NONE:
         return None
     return tick * TIME_STEP
@@ -100,7 +107,7 @@ def _seconds(tick: int) -> float | None:
 
 @dataclass(frozen=True)
 class _Trip:
-    """A carrier's way with the full bin of a row, in ticks; NONE: not yet."""
+    """A carrier's way with the full bin of a row. Times in ticks; NONE: not yet."""
 
     row: int
     carrier: str = ""
@@ -109,9 +116,10 @@ class _Trip:
 
 
 def _full_bins(harvest: EventHarvest) -> list[tuple[str, int, int]]:
-    """Return picker, row and tick of each full bin, in the order of ticks."""
+    """Return the picker, the row (from 1) and the tick of each full bin, in the order of ticks."""
     model = harvest.model
     bins = []
+    # Only the first `logged` entries of the array are in use.
     for entry in model.log[: model.desk[0].logged]:
         op = model.ops[entry.op]
         if op.kind == c.END_ROW:
@@ -142,12 +150,15 @@ def _trips(harvest: EventHarvest) -> Iterator[_Trip]:
 
 
 def _jobs_in_order(harvest: EventHarvest) -> list[tuple[int, int]]:
-    """Return the first op of each job that was translated, and its row, in the order of ops."""
+    """Return the number of the first op of each job, and the job's row (from 1), in order.
+
+    A job is made of ops when a carrier first needs it, so not all jobs have any.
+    """
     jobs = []
     for of_line in harvest.program.jobs.tolist():
         for end, first in enumerate(of_line):
             if first != c.NONE:
-                # Ends count through the rows, as `Program.end_number` has them.
+                # Two ends a row, as `Program.end_number` counts them from 0.
                 jobs.append((first, end // len(SIDES) + 1))
     return sorted(jobs)
 
@@ -159,13 +170,17 @@ def _row_of(op: int, jobs: Sequence[tuple[int, int]]) -> int:
 
 
 def metres_to_bay(layout: Layout) -> dict[str, float]:
-    """Return how far a carrier drives with a full bin of each row, m: the mean over its bins."""
+    """Return how far a carrier drives with a full bin to the bay: row -> m, the mean over its bins.
+
+    The bins of a row may be fetched at either end.
+    """
     route = route_of(layout)
     carrier = layout.machines["carrier"]
     metres: dict[str, list[float]] = {}
     for block in layout.blocks.values():
         for drive in layout.passes(block):
             if drive.leaves_bin:
+                # Any carrier, picker and bin: the way is the same.
                 job = route.fetch(1, drive.row, route.sides[drive.end], "", "")
                 steps = list(timed_steps(job, route.queue.place(0), carrier))
                 metres.setdefault(str(drive.row), []).append(_driven(steps))

@@ -18,7 +18,7 @@ LogPath = Annotated[Path, Argument(metavar="LOG.csv", help=_LOG, show_default=Fa
 
 
 def _confidence(text: str) -> float:
-    """Return a share. Raises BadParameter."""
+    """Return a share of a text: "0.95" or "95%". Raises BadParameter."""
     if text.endswith("%"):
         share = number(text[:-1]) / 100.0
     else:

@@ -1,9 +1,11 @@
 """How fast pickers pick, and how pickers, rows and bins differ: estimates from a log.
 
-The time of a bin is that from the fetched bin before it until it is full, less what the picker does
-meanwhile beside picking. A time is the product of its picker's mean and of a factor of its row, of
-mean 1. The intervals are those of the pickers of the log: the factors of rows are drawn anew, and
-the pickers stay.
+The picking time of a bin begins when the picker's bin before it is fetched, and ends when it is
+full, less what the picker does meanwhile beside picking. The time of a row, the mean of its bins,
+is taken as the product of its picker's mean and of a factor of the row, which is 1 in the mean.
+
+For the intervals the factors of rows are resampled, and the means of the pickers stay: an interval
+is for the pickers of this log. Shapes: r rows, p pickers, f factors.
 """
 
 import math
@@ -19,19 +21,20 @@ from orchard.calibrate.bins import LoggedBin, Silence
 from orchard.calibrate.estimates import FittedValue, estimate
 from orchard.field.problems import printable
 
-# Times of bins that are so many times as long as the median of their picker are left out.
+# Times of bins that are longer than this many times the median of their picker are left out.
 MOST_TIMES_THE_MEDIAN = 4.0
-# Times of a picker from which on its median is known.
+# With fewer times of a picker its median is not used, and none is left out.
 LEAST_TIMES = 4
-# Factors of rows from which on there are intervals.
+# With fewer factors of rows nothing is fitted, because there would be no intervals.
 LEAST_FACTORS = 4
 
 
 @dataclass(frozen=True)
 class BinInterval:
-    """The time from a fetched bin to the next full one, s. `line`: of the log, at its end.
+    """The time from when a bin is fetched until the next one of its picker is full, s.
 
-    `picker` is "" where only rows are named: then all rows are those of one unknown crew.
+    `picker` is "" where only rows are named: then all rows are those of one unknown crew. `line`:
+    the number of the line of the log with the next full bin.
     """
 
     picker: str
@@ -41,7 +44,7 @@ class BinInterval:
 
     @property
     def whose(self) -> str:
-        """Whose bin it is, in words."""
+        """The picker of the bin, or else its row, in words."""
         return printable(self.picker or f"row {self.row}")
 
 
@@ -104,8 +107,8 @@ def _by_picker(intervals: Sequence[BinInterval]) -> dict[str, list[BinInterval]]
 class PickingTimes:
     """The picking times of a log, by picker and row.
 
-    `beside`: what a picker does beside picking, s a bin, in the mean. Times in rows that are not
-    named are each a row of its own.
+    `beside`: how long a picker does other things than picking, s a bin, on average. A bin without
+    the name of its row counts as a row of its own.
     """
 
     def __init__(self, intervals: Sequence[BinInterval], beside: float = 0.0) -> None:
@@ -138,10 +141,11 @@ class PickingTimes:
 
     @cached_property
     def factors(self) -> np.ndarray:
-        """The factors of rows beside the means of their pickers, (f,), about 1.
+        """The factors of rows: times as shares of the means of their pickers, (f,), about 1.
 
-        Each is as far from 1 as it is from the true mean: a mean of few rows is nearer to them.
-        Pickers with one row have none.
+        The mean of a few rows is nearer to these rows than the true mean is, so each factor is
+        moved away from 1: n rows by the square root of n / (n - 1). A picker with one row has no
+        factor.
         """
         factors = []
         for picker, mean in enumerate(self.means):
@@ -157,6 +161,7 @@ class PickingTimes:
     def bins_variance(self) -> float:
         """The variance of bins of one row, as a share of the row's mean; NaN: there is none."""
         squares = 0.0
+        # Degrees of freedom: a row's mean takes one.
         freedom = 0
         for bins in self._bins:
             squares += float(((bins / bins.mean() - 1.0) ** 2).sum())
@@ -167,7 +172,7 @@ class PickingTimes:
 
     @cached_property
     def _bins_in_rows(self) -> float:
-        """What the bins of a row add to the variance of rows."""
+        """What chance in the bins of a row adds to the variance of rows: their mean varies too."""
         if math.isnan(self.bins_variance):
             return 0.0
         return self.bins_variance * fmean(1.0 / len(bins) for bins in self._bins)
@@ -199,7 +204,10 @@ class PickingTimes:
         return variance
 
     def drawn(self, factors: np.ndarray) -> np.ndarray:
-        """Return times of the rows with other factors, (..., r) s. `factors`: (..., f)."""
+        """Return the times of the rows with other factors, (..., r) s. `factors`: (..., f).
+
+        Where there are fewer factors than rows they are used again, from the first one on.
+        """
         of_rows = factors[..., np.arange(len(self.times)) % factors.shape[-1]]
         times: np.ndarray = self.means[self.picker_of] * of_rows
         return times
@@ -209,14 +217,14 @@ class PickingTimes:
 class PickingFit:
     """How fast pickers pick, bins/h, and the coefficients of variation of what differs.
 
-    `between_bins` is None where no row has several bins, and `between_pickers` where there is one.
+    `between_bins` is None if no row has several bins, `between_pickers` if there is one picker.
     """
 
     rate: FittedValue
     between_rows: FittedValue
     between_pickers: FittedValue | None
     between_bins: float | None
-    #: Picker -> what it fills while it picks, bins/h.
+    #: Picker -> its rate while it picks, bins/h.
     rates: dict[str, float]
     #: Times of bins that were used.
     count: int
@@ -226,8 +234,8 @@ def fit_picking(times: PickingTimes, of_model: PickingTimes, confidence: float) 
     """Return how fast pickers pick.
 
     `of_model`: the times of a model in which all rows and bins are picked alike. They still differ,
-    because a picker's ways are longer or shorter, and as much is taken off what those of the log
-    differ. Raises ValueError if there are too few times.
+    because a picker's ways are longer or shorter. Their variance is subtracted from that of the
+    log. Raises ValueError if there are too few times.
     """
     if len(times.factors) < LEAST_FACTORS:
         raise ValueError(
@@ -244,13 +252,13 @@ def fit_picking(times: PickingTimes, of_model: PickingTimes, confidence: float) 
         return rates
 
     def between_rows(factors: np.ndarray, axis: int = -1) -> np.ndarray:
-        """Return what rows differ by, (...), less what those of the model do."""
+        """Return the coefficients of variation of rows, (...), without those of the model."""
         variance = times.rows_variance(times.drawn(factors)) - rows_of_model
         spreads: np.ndarray = np.sqrt(np.maximum(0.0, variance))
         return spreads
 
     def between_pickers(factors: np.ndarray, axis: int = -1) -> np.ndarray:
-        """Return what pickers differ by, (...)."""
+        """Return the coefficients of variation of pickers, (...)."""
         variance = times.pickers_variance(times.drawn(factors))
         spreads: np.ndarray = np.sqrt(np.maximum(0.0, variance))
         return spreads
@@ -273,7 +281,7 @@ def fit_picking(times: PickingTimes, of_model: PickingTimes, confidence: float) 
 
 
 def _between_bins(times: PickingTimes, of_model: PickingTimes) -> float | None:
-    """Return how the bins of a row differ; None if no row has several."""
+    """Return the coefficient of variation of the bins of a row; None if no row has several."""
     if math.isnan(times.bins_variance):
         return None
     bins_of_model = of_model.bins_variance

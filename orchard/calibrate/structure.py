@@ -1,4 +1,7 @@
-"""What a log says of the orchard itself: how many pickers and carriers, and which rows."""
+"""What a log says of the orchard itself: how many pickers and carriers, and which rows.
+
+The option `--on` names the user's scenario of the orchard. Without it rows are assumed.
+"""
 
 import re
 from collections import Counter
@@ -15,23 +18,25 @@ from orchard.field.survey import FEWEST_ROWS, MOST_ROWS
 
 # The fewest pickers that a scenario can have.
 FEWEST_PICKERS = 2
-# What follows is assumed of rows if no scenario is named. A picker of the model must fill several
-# bins: a row has so many, unless each picker has so many rows.
+# These numbers are assumed of rows if no scenario is named. A picker of the model must fill several
+# bins. So a row fills at least LEAST_BINS_A_ROW, unless each picker has LEAST_ROWS_A_PICKER rows.
 LEAST_BINS_A_ROW = 3.0
 LEAST_ROWS_A_PICKER = 3
 # The most that a scenario can have.
 MOST_BINS_A_ROW = 40.0
-# m of a row for each of its bins, so that the bins fit into it.
+# m of a row for each of its bins, at least, so that the bins fit into it.
 METRES_A_BIN = 10.0
+# A row's name that is a number: "7", "row 7", "R-07".
 _NUMBER = re.compile(r"(?:row|r)?[ _.-]*0*([1-9][0-9]*)", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class LogOrchard:
-    """The orchard of a log: `base` has all that the log does not tell.
+    """The orchard of a log.
 
-    `has_rows`: whether rows of the log are numbered as those of the scenario. `is_assumed`: no
-    scenario was named. `notes`: what was assumed.
+    `base`: the scenario, with numbers of pickers and carriers of the log; the log does not tell the
+    rest. `bins`: of the log. `has_rows`: whether their rows are numbers of rows of `base`.
+    `is_assumed`: the user has named no scenario. `notes`: what was assumed, a sentence each.
     """
 
     base: Scenario
@@ -107,7 +112,10 @@ def _changed(
 
 
 def _most_a_day(bins: Sequence[LoggedBin], column: str) -> int:
-    """Return how many pickers or carriers work on one day at most; 0 if they have no names."""
+    """Return how many pickers or carriers work on one day at most; 0 if they have no names.
+
+    `column`: "picker" or "carrier".
+    """
     of_days: dict[date, set[str]] = {}
     for logged in bins:
         name = getattr(logged, column)
@@ -119,7 +127,10 @@ def _most_a_day(bins: Sequence[LoggedBin], column: str) -> int:
 def _rows_of_the_log(
     bins: Sequence[LoggedBin], rows: set[str], notes: list[str]
 ) -> dict[str, object]:
-    """Return what a log says of rows, where no scenario does. `rows`: their names."""
+    """Return the changes of a scenario by what a log says of rows, where no scenario is named.
+
+    `rows`: their names. What is assumed is added to `notes`.
+    """
     usual = Scenario()
     pickers = _most_a_day(bins, "picker")
     count = min(MOST_ROWS, max(usual.rows, pickers))
@@ -143,9 +154,10 @@ def _rows_of_the_log(
 
 
 def _most_bins_a_day(bins: Sequence[LoggedBin]) -> dict[str, int]:
-    """Return how many bins of each row are full on one day at most.
+    """Return how many bins of each row are full on one day at most: row -> bins.
 
-    A row that is picked on several days is picked again, or its log has several blocks in it.
+    Not on all days together: a row that is picked on several days is picked more than once, or rows
+    of several blocks have the same name.
     """
     of_days = Counter((logged.row, logged.day) for logged in bins if logged.row)
     most: dict[str, int] = {}

@@ -1,8 +1,10 @@
-"""A policy in a process of its own, as the benchmark asks it.
+"""The side of the benchmark that asks a user's policy, which runs in a process of its own.
 
-The process gets no argument but its module, few variables of the environment, and no file but two
-pipes. It forks a process for each harvest: `Gone` and `Spent` tell that this one has ended. The
-process of the benchmark cannot be looked into by others of the same user.
+A policy must not learn what the seed draws, and must not stop the benchmark. So its process gets
+the name of its module, a few variables of the environment, and two pipes, through which it is asked
+(`orchard.study.benchmark.exchange`). For each harvest it forks a process; the messages `Gone` and
+`Spent` say that this one has ended too early. Other processes of the same user cannot read the
+memory of the benchmark's process.
 """
 
 import ctypes
@@ -42,11 +44,12 @@ from orchard.study.benchmark.exchange import (
 )
 from orchard.study.benchmark.seen import nothing_drawn
 
-# s of the clock that a decision may take.
+# Time by the clock that a decision may take, s.
 DECISION_SECONDS = 1.0
-# s until a policy can be asked: what it imports, as a library for learning, takes long to load.
+# Time by the clock until a policy can be asked, s: it may import a library for learning, which
+# takes long to load.
 BEGIN_SECONDS = 120.0
-# s of the processor that a policy may take in all of a harvest. A decision of `rolling` takes some
+# Processor time that a policy may take in a whole harvest, s. A decision of `rolling` takes some
 # 10 ms, and a harvest has hundreds.
 HARVEST_PROCESSOR_SECONDS = 120
 # s between two looks whether to stop.
@@ -64,7 +67,7 @@ ENVIRONMENT = (
     "VIRTUAL_ENV",
 )
 _MODULE = "orchard.study.benchmark.policy_process"
-# Of Linux, for prctl.
+# PR_SET_DUMPABLE of Linux, for prctl: with 0 other processes cannot read this one's memory.
 _SET_DUMPABLE = 4
 
 
@@ -82,14 +85,12 @@ class PolicyRefused(Exception):
 
 @dataclass(frozen=True)
 class Limits:
-    """How long a policy may take: s of the clock, and of the processor in a harvest; and what it
-    may not read.
-    """
+    """How long a policy may take, and which files it may not read: see the constants above."""
 
     decision_seconds: float = DECISION_SECONDS
     begin_seconds: float = BEGIN_SECONDS
     processor_seconds: int = HARVEST_PROCESSOR_SECONDS
-    #: Files.
+    #: Files that it may not read.
     hidden: tuple[str, ...] = ()
 
 
@@ -99,13 +100,16 @@ class PolicyProcess:
     def __init__(
         self, policy: str, limits: Limits, is_stopped: Callable[[], bool] = lambda: False
     ) -> None:
-        """`policy`: its name in a scenario. `is_stopped`: whether nobody waits for it any more."""
+        """`policy`: its name in a scenario. `is_stopped`: whether its answers are not needed any
+        more.
+        """
         self.policy = policy
         self._limits = limits
         self._is_stopped = is_stopped
         self._process: subprocess.Popen[bytes] | None = None
+        # Of the last question, for messages.
         self._tick = 0
-        # What the class of the policy says, once it has begun.
+        # The attribute `version` of the policy's class, once a harvest has begun.
         self.version = ""
 
     def __enter__(self) -> "PolicyProcess":
@@ -174,7 +178,7 @@ class PolicyProcess:
         with suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
-        # A process that it has left may still have the other ends of its pipes.
+        # A process that it started outside its group may still hold the other ends of its pipes.
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
                 with suppress(BrokenPipeError):
@@ -182,6 +186,7 @@ class PolicyProcess:
         self._process = None
 
     def _start(self) -> None:
+        """Start the process, in a group of its own."""
         hide_memory()
         environment = {name: os.environ[name] for name in ENVIRONMENT if name in os.environ}
         # It finds the modules that this process finds.
@@ -195,16 +200,17 @@ class PolicyProcess:
             start_new_session=True,
         )
         assert self._process.stdin is not None
-        # A policy that reads no questions must not hold the benchmark.
+        # Writing must not block: a policy that reads no questions would stop the benchmark.
         os.set_blocking(self._process.stdin.fileno(), False)
 
     def _answer(self, question: Question, seconds: float, purpose: str) -> Answer:
-        """Return the answer to a question. `purpose`: what takes the time, as "for a decision".
+        """Return the answer to a question.
 
+        `seconds`: that it may take. `purpose`: what takes the time, for messages: "for a decision".
         Raises PolicyFault, TooSlow or AskingStopped.
         """
         if self._has_written():
-            # `Gone` or `Spent` comes unasked, and is raised here.
+            # `Gone` or `Spent` comes without a question: `_next_answer` raises for both.
             self._next_answer(seconds, purpose)
             raise self._fault("it gave an answer before it was asked")
         self._tell(question, seconds, purpose)
@@ -218,9 +224,9 @@ class PolicyProcess:
             return bool(selector.select(0.0))
 
     def _tell(self, question: Question, seconds: float, purpose: str) -> None:
-        """Send a question. A process that has ended is noticed when its answer is read.
+        """Send a question. If the process has ended, `_next_answer` notices that.
 
-        Raises TooSlow or AskingStopped if it is not taken.
+        Raises TooSlow if the process does not read it in time, and AskingStopped.
         """
         assert self._process is not None and self._process.stdin is not None
         pipe = self._process.stdin.fileno()
@@ -305,6 +311,6 @@ class PolicyProcess:
 
 
 def hide_memory() -> None:
-    """Let no other process of this user look into this one: on Linux."""
+    """Keep other processes of this user from reading this one's memory. Only Linux can do that."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_SET_DUMPABLE, 0, 0, 0, 0)

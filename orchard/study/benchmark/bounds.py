@@ -13,12 +13,13 @@ from orchard.study.workers import Workers
 
 # Seeds of an orchard in which something is random.
 SEEDS = 6
-# The work of the solver for a proof, as `optimum` takes it. An orchard with more than
-# MOST_SMALL_ROWS rows gets less: there the same work takes several times as long.
+# The work of the solver for a proof, as `orchard.optimum.schedule.optimum` takes it. An orchard
+# with more than MOST_SMALL_ROWS rows gets less, because the same work takes several times as long
+# there.
 WORK = 1.0
 WORK_IN_LARGE = 0.3
 MOST_SMALL_ROWS = 12
-# Bytes: a secret that is shorter can be guessed.
+# Bytes. A shorter secret could be guessed.
 SHORTEST_SECRET = 16
 
 
@@ -29,8 +30,8 @@ def seeds_of(scenario: Scenario) -> range:
 
 
 def bounds_of(scenario: Scenario) -> dict[int, float]:
-    """Return what is proven with each seed, s."""
-    # It loads the solver, which takes half a second.
+    """Return what is proven of each seed: seed -> the time below which no harvest can be, s."""
+    # This loads the solver, which takes half a second.
     from orchard.optimum.schedule import optimum
 
     proven = dict[int, float]()
@@ -50,7 +51,7 @@ def bounds_of(scenario: Scenario) -> dict[int, float]:
 
 
 def _bounds_in_worker(scenario: Scenario) -> dict[int, float]:
-    """Return what is proven, in a process that a policy cannot look into later."""
+    """Do `bounds_of` in a worker, whose memory a policy cannot read later."""
     hide_memory()
     return bounds_of(scenario)
 
@@ -67,12 +68,12 @@ def secret_of(path: Path) -> bytes:
 
 
 def hidden_instances(drawn: Mapping[str, dict[str, Any]], workers: Workers) -> dict[str, Instance]:
-    """Return the orchards of a hidden split by name. `drawn`: their scenarios.
+    """Return the instances of a hidden split: name -> instance.
 
-    Their bounds are proven now, which takes long.
+    `drawn`: name -> values of its scenario. The bounds are proven now, which takes long.
     """
     scenarios = {name: check(values, name) for name, values in drawn.items()}
-    # By the seed of the scenario.
+    # First seed of an orchard, which no other one has -> what is proven of each of its seeds.
     proven = dict[int, dict[int, float]]()
     for scenario, bounds in workers.do(_bounds_in_worker, [*scenarios.values()], lambda: True):
         proven[scenario.seed] = bounds

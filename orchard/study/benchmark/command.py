@@ -50,7 +50,7 @@ MEANING = (
     " {policy} are paired, by seeds."
 )
 OWN_STOPPED = "stopped; harvests of a policy of your own are not kept"
-# The splits of what a secret draws.
+# `splits` of a submission whose orchards a secret has drawn.
 HIDDEN = ["hidden"]
 POSSIBLE = (
     "That shows that these schedules are possible, not who found them, or with what knowledge."
@@ -59,7 +59,7 @@ PUBLIC = (
     "These orchards are public, with all that their seeds draw, and a policy may know them: only a"
     " hidden split (--secret) shows what it does where it does not."
 )
-# Lines of what is wrong with a submission, and the characters of one.
+# How many problems of a submission are printed, and how many characters of each.
 MOST_PROBLEMS = 50
 LONGEST_PROBLEM = 500
 CHECKED = "The harvests with {policy}, s; of several seeds the mean."
@@ -83,7 +83,8 @@ def run_benchmark(chosen: BenchmarkOptions) -> int:
                 return _verify(chosen.verify, known)
             other = None
             if chosen.beside is not None:
-                # A policy of one's own is asked for minutes: what is wrong is told before.
+                # Harvests with a user's policy take minutes. What is wrong with the other file is
+                # reported before them.
                 other = _beside(chosen.beside, chosen.policy, known)
                 if other is None:
                     return FAILED
@@ -140,7 +141,8 @@ def _check_options(chosen: BenchmarkOptions) -> None:
 
 
 def _check_alone(chosen: BenchmarkOptions) -> None:
-    """Refuse what has no effect beside --verify. Raises BadParameter."""
+    """Refuse options that have no effect beside --verify. Raises BadParameter."""
+    # Option -> whether it was given.
     in_vain = {
         "POLICY": chosen.policy != ROLLING,
         "--check": chosen.check,
@@ -156,7 +158,9 @@ def _check_alone(chosen: BenchmarkOptions) -> None:
 
 @contextmanager
 def _wanted_store(chosen: BenchmarkOptions) -> Iterator[Path]:
-    """Yield the file of the store. What a secret draws is kept in none that stays."""
+    """Yield the file of the store. For a secret it is deleted afterwards: it would tell the
+    orchards.
+    """
     if chosen.secret is None:
         yield StudyOptions(store=chosen.out).store_file
         return
@@ -193,9 +197,10 @@ def _wanted_names(chosen: BenchmarkOptions, known: Iterable[str]) -> list[str]:
 
 
 def _replayed(path: Path, known: dict[str, Instance]) -> Submission | None:
-    """Replay a submission. Return it; None if something is wrong with it, which is told.
+    """Replay a submission, and return it. If something is wrong with it, print that and return
+    None.
 
-    Raises SubmissionError for a file that is none.
+    Raises SubmissionError for a file that is no submission.
     """
     try:
         submission = read_submission(path)
@@ -212,9 +217,10 @@ def _replayed(path: Path, known: dict[str, Instance]) -> Submission | None:
 
 
 def _beside(path: Path, policy: str, known: dict[str, Instance]) -> Submission | None:
-    """Replay a submission whose policy is shown beside others. Return None if something is wrong.
+    """Replay a submission whose policy is to stand beside others in the table, and return it.
 
-    Raises SubmissionError.
+    `policy`: the one that is benchmarked. If something is wrong with the submission, print that and
+    return None. Raises SubmissionError if its policy is in the table anyway.
     """
     submission = _replayed(path, known)
     if submission is not None and submission.policy in (policy, *POLICIES):
@@ -224,7 +230,7 @@ def _beside(path: Path, policy: str, known: dict[str, Instance]) -> Submission |
 
 
 def _verify(path: Path, known: dict[str, Instance]) -> int:
-    """Replay a submission, and tell what is wrong with it. Return the exit code."""
+    """Replay a submission, and print whether it is right. Return the exit code."""
     submission = _replayed(path, known)
     if submission is None:
         return FAILED
@@ -244,7 +250,7 @@ def _verify(path: Path, known: dict[str, Instance]) -> int:
 def _done(
     chosen: BenchmarkOptions, known: dict[str, Instance], store_file: Path, workers: Workers
 ) -> tuple[BenchmarkResult, Submission | None] | None:
-    """Do the harvests. Return None if they were stopped."""
+    """Do the harvests. Return the result, and the submission if one is wanted; None if stopped."""
     get_ready(instance.whole_scenario for instance in known.values())
     with (
         Store(store_file, chosen.anew) as store,
@@ -277,7 +283,10 @@ def _done(
 
 
 def _limits(secret: Path | None) -> Limits:
-    """Return what a policy may do. It may not read the file of a secret; a pipe was read."""
+    """Return the limits of a policy: it may not read the file of the secret.
+
+    A secret that came through a pipe is no file, and can be read only once.
+    """
     if secret is None or not secret.is_file():
         return Limits()
     if not can_hide():
@@ -291,7 +300,7 @@ def _limits(secret: Path | None) -> Limits:
 def _print(result: BenchmarkResult) -> None:
     """Print the score, the table of all scores, and what is to be known of the harvests."""
     score = _percent(result.scores[result.policy])
-    # The best score is the first one.
+    # `scores` begins with the best one.
     best = next(iter(result.scores))
     others = "the best of all here"
     if best != result.policy:

@@ -1,6 +1,8 @@
-"""What the process of a policy gives up before it imports the policy's module.
+"""Rights that the process of a policy gives up before it imports the policy's module: to read
+hidden files, to look into other processes, and to send them signals.
 
-All of it is of Linux. What it starts or forks has given up the same.
+Only Linux can do that. It uses prctl, capset, resource limits and Landlock, each by a system call,
+because Python has no functions for them. Processes that this one starts have given up the same.
 """
 
 import ctypes
@@ -10,14 +12,16 @@ import sys
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
-# Of prctl.
+# Numbers from the headers of Linux, under other names.
+# linux/prctl.h: PR_SET_PDEATHSIG, PR_SET_NO_NEW_PRIVS. SIGKILL.
 _DIE_WITH_PARENT = 1
 _NO_NEW_PRIVILEGES = 38
 _SIGKILL = 9
-# The size of what capset takes.
+# linux/capability.h: _LINUX_CAPABILITY_VERSION_3, which takes six words of 32 bits.
 _CAPABILITIES_VERSION = 0x20080522
 _CAPABILITY_WORDS = 6
-# Of Landlock: system calls, which have these numbers on each processor of 64 bits.
+# linux/landlock.h. First its three system calls, which have these numbers on each processor of 64
+# bits; then their flags.
 _CREATE_RULESET = 444
 _ADD_RULE = 445
 _RESTRICT_SELF = 446
@@ -30,7 +34,7 @@ _KNOWS_SIGNALS = 6
 
 
 class _Ruleset(ctypes.Structure):
-    """What a ruleset forbids unless a rule allows it."""
+    """Landlock's attributes of a ruleset: what it forbids unless a rule allows it."""
 
     _fields_ = (
         ("handled_files", ctypes.c_uint64),
@@ -40,16 +44,17 @@ class _Ruleset(ctypes.Structure):
 
 
 class _PathRule(ctypes.Structure):
-    """A folder, or a file, under which something is allowed."""
+    """Landlock's rule for a folder or a file: what is allowed there and below."""
 
     _pack_ = 1
     _fields_ = (("allowed", ctypes.c_uint64), ("folder", ctypes.c_int32))
 
 
 def drop_rights() -> None:
-    """Give up what would let this process look into others, and end with its parent.
+    """Give up all capabilities of this process, and let it end with its parent.
 
-    A program that it starts gets no right back: not even one that the system gives to root.
+    So it cannot look into other processes. A program that it starts gets no right back, even if the
+    program belongs to root and is marked to run as root.
     """
     if sys.platform != "linux":
         return
@@ -61,7 +66,11 @@ def drop_rights() -> None:
 
 
 def limit(resource_kind: int, most: int, beyond: int = 0) -> None:
-    """Limit what this process may use of something. `beyond`: until the system ends it."""
+    """Limit what this process may use of a resource.
+
+    `most`: from which on it gets an error or a signal (the soft limit). `beyond`: how much more it
+    may use until the system ends it (the hard limit).
+    """
     # The system may allow less already.
     _, allowed = resource.getrlimit(resource_kind)
     if allowed != resource.RLIM_INFINITY:
@@ -80,11 +89,12 @@ def can_keep_signals_in() -> bool:
 
 
 def confine(hidden: Collection[Path]) -> None:
-    """Hide files from this process for ever, and all processes that were there before.
+    """Hide files from this process for ever, and shut it off from other processes.
 
-    It can no longer read these files, look into other processes, or send signals to them. Files
-    that are made later in the folders of the hidden ones, or above them, are hidden too. Does what
-    the system can do: see `can_hide`. Call `drop_rights` first.
+    It can no longer read these files, look into other processes, or send signals to them. Landlock
+    only knows what is allowed. So all folders and files are allowed in which no hidden file is, and
+    a file that is made later in a folder above a hidden one is hidden too. Where the system can do
+    less (`can_hide`), less is done. Call `drop_rights` first: Landlock demands it.
     """
     version = _landlock_version()
     if version <= 0:
@@ -103,7 +113,7 @@ def confine(hidden: Collection[Path]) -> None:
         try:
             opened = os.open(path, os.O_PATH | os.O_CLOEXEC)
         except OSError:
-            # It has gone meanwhile, or cannot be read anyway.
+            # The file is gone meanwhile, or cannot be read anyway.
             continue
         rule = _PathRule(_READ_FILE, opened)
         library.syscall(_ADD_RULE, rules, _PATH_BENEATH, ctypes.byref(rule), 0)
@@ -121,7 +131,7 @@ def _landlock_version() -> int:
 
 
 def _readable(folder: Path, hidden: Collection[Path]) -> Iterator[Path]:
-    """Yield the largest folders, and files, in which no file is hidden."""
+    """Yield all files and folders below a folder in which no file is hidden, as few as possible."""
     if folder in hidden:
         return
     if not any(folder in path.parents for path in hidden):
@@ -133,6 +143,6 @@ def _readable(folder: Path, hidden: Collection[Path]) -> Iterator[Path]:
         return
     for entry in entries:
         if entry.is_symlink():
-            # What it leads to is reached under another name.
+            # Its target is allowed or hidden by its own path.
             continue
         yield from _readable(entry, hidden)

@@ -1,13 +1,13 @@
-"""What the benchmark and the process of a policy say to each other: msgpack over two pipes.
+"""The messages between the benchmark and the process of a policy: msgpack over two pipes.
 
-The benchmark names the policy (`Load`), begins a harvest (`Begin`), asks for each decision (`Ask`),
-and ends the harvest (`Over`). The orchard that it sends has nothing random in it: see
-`nothing_drawn`. What the seed draws is hidden from the policy.
+The benchmark sends questions. It names the policy (`Load`), begins a harvest (`Begin`), asks for
+each decision (`Ask`), and ends the harvest (`Over`). The orchard in `Begin` has nothing random in
+it (`orchard.study.benchmark.seen`).
 
-The process of a policy forks a process for each harvest. That one answers `Ready`, then to each
-question `Orders`, or what is wrong (`Fault`). Once it has ended, the policy's process says how:
-because the harvest was over, or at fault (`Done`), because the policy ended it (`Gone`), or because
-the policy has used up its time of the processor (`Spent`).
+The process of a policy forks a process for each harvest. The forked process answers `Ready`, then
+`Orders` to each question, or says what is wrong (`Fault`). When it has ended, the policy's process
+says why: the harvest was over, or the policy made a fault (`Done`); the policy ended the process
+itself (`Gone`); or the policy has used up its processor time (`Spent`).
 """
 
 from typing import BinaryIO
@@ -16,9 +16,9 @@ import msgspec
 
 from orchard.dispatch.policy import Assignment, BinReport, CarrierReport
 
-# Bytes before a message, which say how many it has.
+# Each message is preceded by its number of bytes, in so many bytes.
 HEAD_BYTES = 4
-# Bytes. More than all orders of the largest orchard need.
+# Bytes of an answer, at most: more than all orders of the largest orchard need.
 LARGEST_ANSWER = 100_000
 
 
@@ -40,7 +40,7 @@ class Begin(msgspec.Struct, tag=True, frozen=True):
 
 
 class Ask(msgspec.Struct, tag=True, frozen=True):
-    """Decide."""
+    """Decide at a tick which carriers leave, by these reports."""
 
     now: int  #: tick
     bins: list[BinReport]
@@ -70,7 +70,9 @@ class Orders(msgspec.Struct, tag=True, frozen=True):
 
 
 class Done(msgspec.Struct, tag=True, frozen=True):
-    """The process of the harvest has ended by itself: the harvest was over, or at fault."""
+    """The process of the harvest has come to its regular end: the harvest was over, or it has
+    answered `Fault`.
+    """
 
 
 class Fault(msgspec.Struct, tag=True, frozen=True):
@@ -101,19 +103,19 @@ _answers = msgspec.msgpack.Decoder(Answer)
 
 
 def framed(message: Question | Answer) -> bytes:
-    """Return a message as it is sent."""
+    """Return the bytes of a message: its head, and its content."""
     body = _encoder.encode(message)
     return len(body).to_bytes(HEAD_BYTES, "big") + body
 
 
 def answer_of(body: bytes) -> Answer:
-    """Return an answer. Raises ValueError for what is none."""
+    """Return the answer in some bytes. Raises ValueError if they are no answer."""
     answer: Answer = _answers.decode(body)
     return answer
 
 
 def next_question(stream: BinaryIO) -> Question | None:
-    """Return the next question; None if there is none, because the benchmark is over."""
+    """Return the next question; None if the benchmark has closed the pipe."""
     head = stream.read(HEAD_BYTES)
     if len(head) < HEAD_BYTES:
         return None

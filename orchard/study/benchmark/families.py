@@ -1,7 +1,9 @@
-"""The orchards of a split, drawn from a secret.
+"""The families of the benchmark's orchards, and how a secret draws an orchard of each family.
 
-Everybody knows the secrets of the public splits. That of the hidden split is the organiser's, who
-publishes it after the last submission. The same secret gives the same orchards: see `hidden_draws`.
+A split has one orchard of each family. The secrets of the public splits stand below. The organiser
+of a competition keeps the secret of the hidden split, and publishes it after the last submission.
+The same secret gives the same orchards (see `orchard.study.benchmark.hidden_draws` for an
+exception).
 """
 
 import hashlib
@@ -14,7 +16,7 @@ PUBLIC_SECRETS: dict[Split, bytes] = {
     "train": f"orchard benchmark {SET}, train".encode(),
     "test": f"orchard benchmark {SET}, test".encode(),
 }
-# What no family says. Numbers in a list are choices, of which the secret draws one.
+# Values of all families, unless a family has its own. Of a list the secret draws one value.
 ALL: dict[str, Any] = {
     "people": {"workers": 0, "visitors": 0},
     "animals": {"dogs": 0, "cats": 0},
@@ -31,7 +33,7 @@ _GUESTS = {
 }
 _BREAKDOWNS = {"failure": {"mean_between": [600.0, 900.0, 1200.0], "mean_repair": [60.0, 120.0]}}
 FAMILIES: dict[str, dict[str, Any]] = {
-    # Two bins a row: with one, all policies that send carriers early do the same.
+    # Two bins a row. With one bin a row all policies that send carriers early do the same here.
     "tiny": {
         "rows": 4,
         "pickers": 4,
@@ -102,7 +104,7 @@ FAMILIES: dict[str, dict[str, Any]] = {
         "picking_speed": [0.5, 1.0],
         "row_width": [4.5, 5.0],
     },
-    # As they are in close plantings, where a robot just passes.
+    # As in close plantings, between which a robot just fits.
     "close-rows": {
         "rows": 12,
         "pickers": 6,
@@ -158,7 +160,9 @@ FAMILIES: dict[str, dict[str, Any]] = {
 
 
 def scenarios_of(split: Split, secret: bytes) -> dict[str, dict[str, Any]]:
-    """Return the scenarios of a split by name, each with its first seed: the first draws."""
+    """Return the scenarios of a split: name -> values. They are the first draws, and each has its
+    first seed.
+    """
     drawn = {}
     for family in FAMILIES:
         name = name_of(family, split)
@@ -172,27 +176,30 @@ def name_of(family: str, split: Split) -> str:
 
 
 def scenario_of(family: str, split: Split, secret: bytes, again: int) -> dict[str, Any]:
-    """Return the scenario of a family that a secret draws, after it was drawn `again` so often."""
+    """Return the scenario of a family that a secret draws.
+
+    `again`: 0 for the first draw; other numbers give other draws.
+    """
     key = name_of(family, split)
     if again > 0:
         key = f"{key}, drawn again {again}"
     drawn: dict[str, Any] = _chosen(ALL | FAMILIES[family], secret, key)
-    # Of 52 bits: every reader of JSON has such whole numbers.
+    # 52 bits of the 64. Readers of JSON that have floats only can hold such a number.
     drawn["seed"] = _number(secret, f"{key}, seed") >> 12
     return drawn
 
 
 def commitment(secret: bytes) -> str:
-    """Return what an organiser publishes before the first submission: the SHA-256 of the secret.
+    """Return the SHA-256 of a secret, which an organiser publishes before the first submission.
 
-    It proves later that the secret was this one. The orchards are drawn by HMAC, so it tells
-    nothing of them.
+    It proves later that the secret was this one. Nobody can compute the orchards from it, because
+    they are drawn by HMAC with the secret itself.
     """
     return hashlib.sha256(secret).hexdigest()
 
 
 def _chosen(values: Any, secret: bytes, name: str) -> Any:
-    """Return values of which each list is replaced by one of its values."""
+    """Return values with each list replaced by one of its elements. `name`: decides which one."""
     if isinstance(values, dict):
         return {key: _chosen(value, secret, f"{name}.{key}") for key, value in values.items()}
     if isinstance(values, list):
@@ -201,5 +208,5 @@ def _chosen(values: Any, secret: bytes, name: str) -> Any:
 
 
 def _number(secret: bytes, name: str) -> int:
-    """Return a number of 64 bits."""
+    """Return a number of 64 bits that follows from a secret and a name."""
     return int.from_bytes(hmac.digest(secret, name.encode(), "sha256")[:8], "big")

@@ -1,4 +1,8 @@
-"""Draws the orchards of the hidden split, each so that early policies do unlike harvests in it."""
+"""Draws the orchards of the hidden split.
+
+An orchard in which all early policies (those that send carriers before bins are full) do the same
+harvest would tell nothing of a policy. So such an orchard is drawn again.
+"""
 
 from collections.abc import Callable, Container
 from typing import Any
@@ -9,9 +13,9 @@ from orchard.field.scenario import Scenario, check, with_changes
 from orchard.study.benchmark.bounds import seeds_of
 from orchard.study.benchmark.families import FAMILIES, name_of, scenario_of
 
-# The policies that send carriers before bins are full: the good ones.
+# The early policies, which are the good ones.
 EARLY = ("rolling", "predictive", "predictive-farthest")
-# Draws of an orchard. Of eight secrets none needed more than two.
+# Draws of an orchard, at most. None of eight secrets that were tried needed more than two.
 MOST_DRAWS = 20
 
 
@@ -21,7 +25,8 @@ def hidden_scenarios(
     """Return the scenarios of the hidden split that are wanted, by name, each with its first seed.
 
     An orchard in which all early policies do the same is drawn again; `tell` gets a sentence about
-    it. The event model decides that, so other versions of this program may draw others.
+    it. Harvests of the event model decide that. So another version of this program may draw another
+    orchard from the same secret.
     """
     drawn = {}
     for family in FAMILIES:
@@ -32,7 +37,7 @@ def hidden_scenarios(
 
 
 def separates_policies(scenario: Scenario) -> bool:
-    """Whether early policies take unlike times in an orchard, with one of its seeds at least."""
+    """Whether early policies take different times in an orchard, with at least one of its seeds."""
     for seed in seeds_of(scenario):
         times = set()
         for policy in EARLY:

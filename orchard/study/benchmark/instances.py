@@ -48,13 +48,13 @@ TRAILER_RULES = [
     "A trailer with `trailer_bins` bins, or with the last bin of the harvest, is away for"
     " `trailer_away` ticks. The harvest ends when the last trailer is back, if that is later.",
 ]
-# How many failures of each robot a file has: no harvest of the set has more.
+# How many failures of each robot a file lists: no harvest of the set needs more.
 FAILURES = 24
 Split = Literal["train", "test", "hidden"]
 
 
 class TimedUse(msgspec.Struct, array_like=True, frozen=True):
-    """A place that a robot has alone."""
+    """A place that a robot has alone: from which tick (see UNITS), and for how many ticks."""
 
     place: str
     at: int
@@ -69,12 +69,12 @@ class LineExit(msgspec.Struct, frozen=True):
 
 
 class InstanceJob(msgspec.Struct, frozen=True):
-    """An exchange of bins: see `RULES`."""
+    """An exchange of bins, in ticks: see `RULES`, and `orchard.plans.jobs.TimedJob`."""
 
     picker: str
     row: int
     side: str
-    #: Of the roads at its lane, where the carrier stops.
+    #: The place of the roads at which the carrier stops.
     place: str
     ready: int
     going_on: int
@@ -88,7 +88,7 @@ class InstanceJob(msgspec.Struct, frozen=True):
 
 
 class InstanceRow(msgspec.Struct, frozen=True):
-    """A row."""
+    """A row of trees: lengths in m, y of its middle, x of its west end."""
 
     number: int
     y: float
@@ -98,7 +98,7 @@ class InstanceRow(msgspec.Struct, frozen=True):
 
 
 class RecordedOrder(msgspec.Struct, array_like=True, frozen=True):
-    """An order: at a tick, a carrier to the bin of a picker."""
+    """An order: at a tick a carrier is sent to a bin, which is that of a picker."""
 
     tick: int
     bin: str
@@ -120,10 +120,11 @@ class InstanceDraw(msgspec.Struct, frozen=True):
     """What a seed draws."""
 
     seed: int
+    #: Of each row, in the order of `rows`.
     picking_seconds: list[float]
-    #: Of each job, in their order.
+    #: Of each job, in the order of `jobs`, ticks.
     ready: list[int]
-    #: Robot -> until it fails, and for how long it then stands, s.
+    #: Robot -> its failures in their order: for how long it works before, and then stands, s.
     failures: dict[str, list[tuple[float, float]]]
     proven_seconds: float
     best: KnownSchedule | None = None
@@ -138,7 +139,7 @@ class Instance(msgspec.Struct, frozen=True):
     scenario: dict[str, Any]
     units: dict[str, str]
     rules: list[str]
-    #: Ticks.
+    #: Times in ticks, and numbers of trailers and of their bins.
     constants: dict[str, int]
     rows: list[InstanceRow]
     #: Picker -> its rows, in their order.
@@ -172,7 +173,10 @@ def instances() -> dict[str, Instance]:
 def instance_of(
     name: str, split: Split, values: dict[str, Any], proven: dict[int, float]
 ) -> Instance:
-    """Return an instance without schedules. `proven`: seed -> s."""
+    """Return an instance without schedules.
+
+    `values`: of its scenario. `proven`: seed -> the time below which no harvest can be, s.
+    """
     layout = lay_out(check(values, name))
     jobs = jobs_of(lay_out(_at_mean_speeds(layout.scenario)))
     places = layout.queue.places
@@ -214,6 +218,7 @@ def _trailers(layout: Layout) -> dict[str, int]:
 
 
 def _at_mean_speeds(scenario: Scenario) -> Scenario:
+    """Return a scenario in which each row takes its mean time."""
     return with_changes(scenario, **{"picking.spread.distribution": "none"})
 
 
@@ -275,7 +280,10 @@ def _draw(layout: Layout, seed: int, proven: float) -> InstanceDraw:
 
 
 def as_file(instance: Instance) -> bytes:
-    """Return the text of an instance's file: the same instance gives the same bytes."""
+    """Return the content of an instance's file: the same instance gives the same bytes.
+
+    It is JSON with a line for each job, row and seed, for people who read it.
+    """
     lines = []
     for name in instance.__struct_fields__:
         value = getattr(instance, name)

@@ -28,7 +28,8 @@ from orchard.study.benchmark.instances import (
 from orchard.study.benchmark.play import Decide, play
 from orchard.study.benchmark.seen import layout_seen, nothing_drawn
 
-# Orders of all bins: if there are no more, all are tried. Eight bins of four pickers have 2,520.
+# Bins can be fetched in many orders. If there are at most so many, all are tried. Two bins of each
+# of four pickers have 8! / 2!^4 = 2,520 orders.
 MOST_ENUMERATED = 3000
 
 
@@ -80,7 +81,7 @@ def _orders(bins: Mapping[str, int]) -> Iterator[list[str]]:
 def _schedule(
     layout: Layout, found_by: str, is_early: bool, decide: Decide
 ) -> Iterator[KnownSchedule]:
-    """Yield the schedule of a policy, if its harvest is finished."""
+    """Yield the schedule of a policy; none if its harvest is never finished."""
     harvest = play(layout, is_early, decide)
     if harvest.seconds is not None:
         orders = recorded(harvest.decisions)
@@ -88,16 +89,18 @@ def _schedule(
 
 
 class InOrder:
-    """Serves pickers in an order. A carrier leaves so that it arrives when the bin is full."""
+    """A policy that serves pickers in a given order. A carrier leaves so that it arrives when the
+    bin is full.
+    """
 
     def __init__(self, pickers: Sequence[str]) -> None:
-        """`pickers`: of each bin."""
+        """`pickers`: the picker of each bin, in the order in which bins are fetched."""
         self._pickers = [*pickers]
 
     def orders(
         self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport]
     ) -> list[Assignment]:
-        """Return the next orders."""
+        """Return the orders at a tick: those of the next bins, as far as it is time for them."""
         orders = []
         waiting = {report.picker: report for report in bins}
         for carrier in free_carriers(carriers):
@@ -112,7 +115,7 @@ class InOrder:
 
 
 def main(folder: Path) -> None:
-    """Write the files that are not there."""
+    """Write the files of the public instances that are not in the folder yet."""
     folder.mkdir(parents=True, exist_ok=True)
     for split, secret in PUBLIC_SECRETS.items():
         for name, values in scenarios_of(split, secret).items():

@@ -27,16 +27,16 @@ class OwnHarvest:
     """A harvest to do."""
 
     orchard: str
-    #: With its seed.
+    #: Its seed is that of the harvest.
     scenario: Scenario
 
 
 @dataclass(frozen=True)
 class OwnResult:
-    """What came of it."""
+    """The result of a harvest."""
 
     played: Played
-    #: Why it has no score; '' if it has one.
+    #: What took too long, so that its score is 0; '' if nothing did.
     too_slow: str = ""
 
 
@@ -50,17 +50,17 @@ def check_policy(policy: str, scenario: Scenario, limits: Limits) -> None:
 
 
 class OwnHarvests:
-    """Does harvests with a policy, so many at a time.
+    """Does harvests with a policy, several at a time.
 
-    Threads do them: a harvest mostly waits for its policy.
+    Threads do them, because a harvest mostly waits for the process of its policy.
     """
 
     def __init__(self, policy: str, limits: Limits, count: int) -> None:
-        """`count`: of processes."""
+        """`count`: how many processes of the policy there are, and as many threads."""
         self._policy = policy
         self._limits = limits
         self._count = count
-        # Of the policy, as its class says it.
+        # The attribute `version` of the policy's class; '' before the first harvest.
         self.version = ""
 
     def do(
@@ -68,9 +68,9 @@ class OwnHarvests:
         harvests: Sequence[OwnHarvest],
         is_stopped: Callable[[], bool],
     ) -> list[OwnResult] | None:
-        """Return what came of each; None if it was stopped.
+        """Return the result of each harvest; None if the user stopped the benchmark.
 
-        Raises RunFailed for the first of those that failed.
+        Raises RunFailed with the first one, in their order, that failed.
         """
         batch = _Batch(harvests)
         with ThreadPoolExecutor(self._count) as threads:
@@ -80,6 +80,7 @@ class OwnHarvests:
                 if is_stopped():
                     batch.is_over.set()
                 for future in done:
+                    # It raises if the thread failed.
                     future.result()
         if batch.faults:
             raise RunFailed(batch.faults[min(batch.faults)])
@@ -105,7 +106,11 @@ class OwnHarvests:
 
 
 class _Batch:
-    """Harvests to do, by their numbers, and what came of them."""
+    """Harvests to do, by their numbers, and their results. All threads share it.
+
+    Each thread takes the next number from the queue. Dictionaries and queues may be used by several
+    threads at once.
+    """
 
     def __init__(self, harvests: Sequence[OwnHarvest]) -> None:
         self.harvests = harvests
@@ -117,14 +122,14 @@ class _Batch:
         self.is_over = Event()
 
     def fail(self, number: int, fault: str) -> None:
-        """Note that a harvest failed: no other one begins."""
+        """Note that a harvest failed, and let no other one begin."""
         harvest = self.harvests[number]
         self.faults[number] = f"{harvest.orchard}, seed {harvest.scenario.seed}: {fault}"
         self.is_over.set()
 
 
 def _played(process: PolicyProcess, harvest: OwnHarvest) -> OwnResult:
-    """Do a harvest. One that the policy is too slow for is never finished.
+    """Do a harvest. If the policy is too slow it is given up, and counts as never finished.
 
     Raises PolicyFault, PolicyRefused or AskingStopped.
     """

@@ -14,7 +14,7 @@ from orchard.field.layout import Layout
 from orchard.field.scenario import with_changes
 from orchard.study.benchmark.seen import layout_seen, nothing_drawn
 
-# Returns the orders at a tick.
+# Returns the orders at a tick, by reports of bins that need a carrier and of all carriers.
 Decide = Callable[[int, Sequence[BinReport], Sequence[CarrierReport]], list[Assignment]]
 
 
@@ -32,11 +32,11 @@ class GivenOrders:
 class Played:
     """How a harvest went."""
 
-    #: None: it was never finished.
+    #: Its length; None: it was never finished.
     seconds: float | None
     #: Whether bins reported before they were full.
     is_early: bool = False
-    #: Those in which a carrier was sent.
+    #: The decisions in which a carrier was sent.
     decisions: list[GivenOrders] = field(default_factory=list)
 
 
@@ -49,8 +49,11 @@ def play(layout: Layout, is_early: bool, decide: Decide) -> Played:
     decisions = list[GivenOrders]()
     longest = LONGEST * harvest.bins
     until = 0
+    # The steps that all robots had done before the last part; -1: there was none.
     done_before = -1
     reason = c.PAUSED
+    # By parts of JAM ticks. A part in which no robot does a step or drives means that they wait for
+    # each other, or for a carrier that is never sent.
     while until < longest and reason != c.ENDED and (harvest.done > done_before or harvest.drives):
         done_before = harvest.done
         until = min(longest, until + JAM)
@@ -62,7 +65,7 @@ def play(layout: Layout, is_early: bool, decide: Decide) -> Played:
 
 
 def built_in_harvest(layout: Layout, policy: str) -> Played:
-    """Do a harvest with a built-in policy that is asked in Python: it sees what others see."""
+    """Do a harvest with a built-in policy, which gets only what a user's policy gets."""
     seen = layout_seen(with_changes(nothing_drawn(layout.scenario), dispatch=policy))
     asked = AskedPolicy(seen)
     return play(layout, asked.is_early, asked.orders)
@@ -71,7 +74,10 @@ def built_in_harvest(layout: Layout, policy: str) -> Played:
 def _carry_on(
     harvest: EventHarvest, until: int, decide: Decide, decisions: list[GivenOrders]
 ) -> int:
-    """Carry a harvest on to a tick, and note its decisions. Return why it stopped."""
+    """Carry a harvest on to a tick, and add its decisions to `decisions`.
+
+    Return why it stopped: PAUSED at the tick, or ENDED.
+    """
     while True:
         reason = harvest.advance(until)
         if reason != c.ASKS_POLICY:

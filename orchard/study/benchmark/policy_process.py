@@ -1,7 +1,8 @@
 """The process in which a policy of the benchmark runs.
 
-It imports the policy's module once. For each harvest it forks a process that asks a new object of
-the class. So no harvest can know what happened in another one.
+It imports the policy's module once. For each harvest it forks a process, which makes a new object
+of the policy's class and asks it. So a policy cannot know what happened in another harvest. The
+other side is `orchard.study.benchmark.asked`, and `exchange` has the messages.
 """
 
 import os
@@ -35,12 +36,12 @@ from orchard.study.benchmark.exchange import (
 )
 from orchard.study.benchmark.seen import layout_seen
 
-# Exit code of a harvest's process that has come to its own end. A policy that ends the process is
-# unlikely to take the same.
+# Exit code of a harvest's process that has come to its regular end. A policy that ends the process
+# itself is unlikely to choose the same.
 OWN_END = 77
-# Bytes that a policy may write into: a machine of the size of today's laptops has them.
+# Bytes of data of the process, at most: 4 GiB, which today's laptops have.
 MOST_MEMORY = 4 * 2**30
-# s of the processor after which a harvest's process ends that ignores the signal of its limit.
+# Processor time, s: so long after the signal of its limit a process is killed that ignores it.
 DEAF_SECONDS = 1
 # Characters of the version of a policy.
 LONGEST_VERSION = 100
@@ -51,6 +52,8 @@ def main() -> None:
 
     What a policy prints goes to stderr.
     """
+    # The pipes get other numbers. Then 0 is empty, and 1 is stderr: what the policy reads from
+    # stdin or prints to stdout cannot disturb the exchange.
     questions = os.fdopen(os.dup(0), "rb", buffering=0)
     answers = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
@@ -61,7 +64,8 @@ def main() -> None:
     while (question := next_question(questions)) is not None:
         if isinstance(question, Load):
             confine([Path(name) for name in question.hidden])
-            # What is wrong with it is told when it is made.
+            # An error of the module comes again when the first harvest makes the policy, and is
+            # reported then.
             with suppress(MISTAKES):
                 import_own(question.policy.replace(":", ".").rpartition(".")[0])
         elif isinstance(question, Begin):
@@ -71,7 +75,7 @@ def main() -> None:
 def _in_fork(begin: Begin, questions: BinaryIO, answers: BinaryIO) -> None:
     """Let a process of its own answer the questions of a harvest."""
     scenario = Scenario.model_validate_json(begin.scenario)
-    # It is kept, and the next harvest of this orchard begins sooner.
+    # The layout stays in the cache of this process, so the fork, and the next ones, begin sooner.
     lay_out(scenario)
     child = os.fork()
     if child == 0:
@@ -82,8 +86,8 @@ def _in_fork(begin: Begin, questions: BinaryIO, answers: BinaryIO) -> None:
         os._exit(OWN_END)
     _, status, used = os.wait4(child, 0)
     code = os.waitstatus_to_exitcode(status)
-    # The limit holds for each process. So what the processes used that it forked and waited for
-    # is known at the end only.
+    # The limit is one of each process alone. How much a process has used together with those that
+    # it forked and waited for is known at its end only.
     is_spent = used.ru_utime + used.ru_stime > begin.processor_seconds
     if code == -signal.SIGXCPU or (is_spent and code == OWN_END):
         answers.write(framed(Spent(begin.processor_seconds)))
@@ -94,7 +98,7 @@ def _in_fork(begin: Begin, questions: BinaryIO, answers: BinaryIO) -> None:
 
 
 def _harvest(scenario: Scenario, questions: BinaryIO, answers: BinaryIO) -> None:
-    """Answer the questions of a harvest, up to its end or the first fault."""
+    """Answer the questions of a harvest, until it ends or the policy makes a fault."""
     try:
         policy = AskedPolicy(layout_seen(scenario))
     except ScenarioError as error:

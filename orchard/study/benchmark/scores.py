@@ -40,18 +40,18 @@ class ShorterThanProven(RunFailed):
 
 @dataclass(frozen=True, kw_only=True)
 class Harvests:
-    """The harvests of one orchard with one policy, by seed.
+    """The harvests of one orchard with one policy. Each list has a value for each seed.
 
-    An orchard in which nothing is random has one.
+    An orchard in which nothing is random has one seed.
     """
 
     orchard: str
     policy: str
-    #: What is proven, s: no harvest is shorter.
+    #: The time below which it is proven that no harvest can be, s.
     proven: list[float]
-    #: By the fast model; None: it was never finished.
+    #: The length by the fast model, s; None: the harvest was never finished.
     seconds: list[float | None]
-    #: By the simulator, if it was asked.
+    #: The same by the simulator; [] if it did none.
     checked: list[float | None]
 
     def __post_init__(self) -> None:
@@ -65,12 +65,12 @@ class Harvests:
 
     @property
     def score(self) -> float:
-        """The share that the proven time is of a harvest's, 0 to 1, mean."""
+        """The mean of `shares`, 0 to 1."""
         return fmean(self.shares)
 
     @property
     def shares(self) -> list[float]:
-        """The score of each harvest, by seed: 0 if it was never finished."""
+        """The score of each harvest: the proven time over its length; 0 if never finished."""
         shares = []
         for proven, seconds in zip(self.proven, self.seconds, strict=True):
             if seconds:
@@ -95,16 +95,16 @@ class Harvests:
 class BenchmarkResult:
     """All harvests. `orchard benchmark --summary` writes them as JSON, with these names."""
 
-    #: The one that was asked about.
+    #: The policy that the user has asked about.
     policy: str
     #: Policy -> its score, 0 to 1, the best first.
     scores: dict[str, float]
     harvests: list[Harvests]
-    #: In the simulator: faults of own classes, and invariants that did not hold.
+    #: Faults of own classes in the simulator, and invariants that did not hold, a line each.
     notes: list[str]
     # A line for each harvest for which the policy took too long.
     too_slow: list[str] = field(default_factory=list)
-    # Of the orchards: those of `train` and `test` are public, and a policy may know them.
+    # The splits of the orchards. `train` and `test` are public, so a policy may know them.
     splits: list[str] = field(default_factory=list)
     version: str
 
@@ -115,7 +115,8 @@ class BenchmarkResult:
     def with_submission(self, submission: Submission) -> "BenchmarkResult":
         """Return this result with the policy of a submission beside the others.
 
-        The submission was replayed, has all harvests of these orchards, and its policy is not here.
+        The submission must have been replayed, have all harvests of these orchards, and be of a
+        policy that is not here yet.
         """
         by_orchard = defaultdict(list)
         for harvest in sorted(submission.harvests, key=lambda harvest: harvest.seed):
@@ -139,7 +140,8 @@ class BenchmarkResult:
         """Return the standard error of the difference between the scores of a policy and of the one
         that was asked about, as a share.
 
-        Both have the same seeds. So it is that of the mean of paired differences, by seeds.
+        Both have the same seeds. So the differences are paired by seed. The score is the mean over
+        orchards, so its variance is the sum of theirs over the square of their number.
         """
         variances = []
         for harvests, asked in zip(self.of(policy), self.of(self.policy), strict=True):
@@ -176,8 +178,8 @@ class Benchmark:
     ) -> None:
         """`known`: orchards by name. `is_checked`: the simulator does these harvests too.
 
-        `tell` hears which share of all is done. `limits`: how long a policy of one's own may take.
-        Raises ScenarioError for a policy that cannot be used.
+        `tell` gets the share of runs that are done. `limits`: of a policy of the user's own. Raises
+        ScenarioError for a policy that cannot be used.
         """
         self.policy = policy
         self.instances = known
@@ -187,7 +189,8 @@ class Benchmark:
         self.is_stopped = is_stopped
         self.is_own = policy not in DISPATCH_POLICIES
         policies = dict.fromkeys([policy, *DISPATCH_POLICIES])
-        # Orchard and policy of each setting.
+        # A setting is an orchard with a policy; `cells` has both names of each. Settings are
+        # numbers from 0.
         self.cells = []
         self.settings = []
         for of_cell in policies:
@@ -215,12 +218,12 @@ class Benchmark:
         )
 
     def _seeds(self, number: int) -> int:
-        """Return with how many seeds a setting is harvested: one if nothing is random."""
+        """Return how many seeds a setting has: one if nothing is random in its orchard."""
         orchard, _ = self.cells[number]
         return len(self.instances[orchard].draws)
 
     def _count_runs(self) -> int:
-        """Return how many runs there are in all, but those of a policy of one's own."""
+        """Return the number of all runs, without those of a policy of the user's own."""
         return sum(map(self._seeds, [*self.built_in, *self.checked]))
 
     def _by_seeds(self) -> dict[int, list[int]]:
@@ -239,10 +242,10 @@ class Benchmark:
         return range(first, len(self.settings))
 
     def run(self) -> BenchmarkResult | None:
-        """Do what the store does not know, and return all; None if it was stopped.
+        """Do the harvests that are not in the store, and return the result; None if stopped.
 
-        A policy of one's own is asked anew each time. Raises WorkersError, RunFailed or
-        StoreFailed.
+        Harvests with a policy of the user's own are not kept in the store. Raises WorkersError,
+        RunFailed or StoreFailed.
         """
         if self.is_own and not self._ask_own():
             return None
@@ -254,7 +257,7 @@ class Benchmark:
         return self._result()
 
     def _ask_own(self) -> bool:
-        """Do the harvests of a policy of one's own. Return whether all are done."""
+        """Do the harvests with a policy of the user's own. Return whether all are done."""
         harvests = list[OwnHarvest]()
         for number, (orchard, scenario) in enumerate(self.known.items()):
             for more in range(self._seeds(number)):
@@ -282,17 +285,17 @@ class Benchmark:
         return submission_of(self.policy, version, self.instances, played)
 
     def _check(self) -> bool:
-        """Do the harvests of the policy by the simulator, if wanted. Return whether all are."""
+        """Do the harvests by the simulator, if wanted. Return whether all are done."""
         return all(
             self.runs.do([number], "full", self._seeds(number), until=inf)
             for number in self.checked
         )
 
     def _hear(self) -> None:
-        """Tell how far it is.
+        """Tell which share of the runs is done.
 
-        A run of the simulator counts as one of the fast model, so a check takes most of the time at
-        the end.
+        A run of the simulator counts as much as one of the fast model, and takes far longer. So
+        with a check the last part of the bar takes most of the time.
         """
         self.tell(len(self.runs.records) / self.wanted)
 

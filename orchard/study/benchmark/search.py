@@ -1,9 +1,9 @@
 """Looks for better schedules than the best known ones, by a local search over the order of bins:
 `python -m orchard.study.benchmark.search FOLDER TRIES INSTANCE...`.
 
-It begins with the order of the best known schedule, and tries changes of it in the event model. It
-knows the whole harvest, as no policy does. A better schedule replaces the one in the file. It need
-not be the best that is possible.
+It begins with the order in which the best known schedule serves the pickers, and tries changes of
+it in the event model. It tries whole harvests again and again, which no policy can do. A better
+schedule replaces the one in the file. A still better one may exist.
 """
 
 import sys
@@ -26,7 +26,7 @@ from orchard.study.benchmark.instances import (
 from orchard.study.benchmark.make_set import InOrder
 from orchard.study.benchmark.play import Played, play
 
-# Places by which a change moves a bin at most.
+# A change moves a bin by at most so many places in the order.
 FARTHEST = 3
 
 
@@ -50,7 +50,7 @@ def _better(layout: Layout, draw: InstanceDraw, tries: int) -> KnownSchedule | N
     for _ in range(tries):
         changed = _changed(order, random)
         harvest = play(layout, True, InOrder(changed).orders)
-        # One that takes as long is kept too: it leads to others.
+        # An order that takes equally long is kept too: changes of it may be better.
         if _seconds(harvest) <= _seconds(best):
             order = changed
             best = harvest
@@ -74,6 +74,7 @@ def _changed(order: Sequence[str], random: np.random.Generator) -> list[str]:
     place = int(random.integers(len(order)))
     step = int(random.integers(1, FARTHEST + 1)) * int(random.choice([-1, 1]))
     new_place = min(max(place + step, 0), len(order) - 1)
+    # Both kinds of change are equally likely.
     if random.random() < 0.5:
         changed.insert(new_place, changed.pop(place))
         return changed

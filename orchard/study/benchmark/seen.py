@@ -1,8 +1,9 @@
-"""What a policy of the benchmark sees of an orchard: what its robots could report.
+"""What a policy of the benchmark sees of an orchard: what its robots could report, and no draws.
 
-That is the orchard in which nothing is random: each row is picked at the mean speed, no robot
-fails, and there are no people, animals and weeds. A policy's process gets that orchard only. So
-what is hidden cannot be found there; and a policy that asks for it hears so by name.
+The policy's process gets an orchard in which nothing is random: each row is picked at the mean
+speed, no robot fails, and there are no people, animals and weeds. So it cannot find the hidden
+values anywhere. If a policy reads a hidden key, it gets an error that names the key
+(HiddenFromPolicy).
 """
 
 import os
@@ -32,17 +33,23 @@ _PACKAGE = f"{Path(orchard.__file__).parent}{os.sep}"
 class HiddenFromPolicy(Exception):
     """Raised where a policy asks for what the seed decides.
 
-    It is no AttributeError, which `hasattr`, and `getattr` with a default, would pass over.
+    It is no AttributeError: `hasattr`, and `getattr` with a default, would catch that in silence.
     """
 
 
 class _Hiding:
-    """A section of a scenario of which a policy cannot read some keys. This package can."""
+    """A section of a scenario of which a policy cannot read some keys. The code of orchard can.
+
+    `hidden`: these keys. `place`: where the section is, as a policy finds it.
+    """
 
     hidden: ClassVar[frozenset[str]] = frozenset()
     place: ClassVar[str] = ""
 
     def __getattribute__(self, name: str) -> Any:
+        """Return an attribute. Raises HiddenFromPolicy if a key is hidden, and the file of the code
+        that reads it is not of this package.
+        """
         cls = type(self)
         if name in cls.hidden and not sys._getframe(1).f_code.co_filename.startswith(_PACKAGE):
             raise HiddenFromPolicy(
@@ -73,9 +80,9 @@ def nothing_drawn(scenario: Scenario) -> Scenario:
 
 
 def layout_seen(scenario: Scenario) -> Layout:
-    """Return the layout that a policy sees. `scenario`: one in which nothing is drawn.
+    """Return the layout that a policy sees. `scenario`: as `nothing_drawn` returns it.
 
-    Asked for a hidden key, it raises HiddenFromPolicy.
+    To read a hidden key of the layout's scenario raises HiddenFromPolicy.
     """
     layout = lay_out(scenario)
     values = {name: getattr(layout.scenario, name) for name in Scenario.model_fields}

@@ -1,5 +1,5 @@
-"""A submission: what a policy scored, with its schedules, so that anybody can verify it without the
-policy.
+"""A submission: a file with the scores of a policy and all its orders, so that anybody can replay
+the harvests and verify the scores without the policy.
 """
 
 import hashlib
@@ -18,9 +18,9 @@ from orchard.study.benchmark.instances import SET, Instance, RecordedOrder, reco
 from orchard.study.benchmark.play import Played, play
 from orchard.study.runs import software
 
-# s by which times may differ: they are rounded to a tick, 0.1 s.
+# s. Times are rounded to a tick, 0.1 s, and differ as floats by less than this.
 ROUNDING = 1e-6
-# Scores are shares: this is a millionth of a point.
+# Scores are shares, 0 to 1: this is a millionth of a percent point.
 SCORE_ROUNDING = 1e-8
 
 
@@ -29,7 +29,7 @@ class SubmittedHarvest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     instance: str
     seed: int
-    #: None: it was never finished, or a decision took too long.
+    #: Its length; None: it was never finished, or a decision took too long.
     seconds: float | None
     proven_seconds: float
     is_early: bool
@@ -37,17 +37,17 @@ class SubmittedHarvest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def score(self) -> float:
-        """The share that the proven time is of the harvest's; 0 if it was never finished."""
+        """The proven time as a share of the harvest's; 0 if it was never finished."""
         if not self.seconds:
             return 0.0
         return self.proven_seconds / self.seconds
 
 
 class Submission(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a policy scored."""
+    """What a policy scored, and how."""
 
     set: str
-    #: Of its orchards: those of `train` and `test` are public, and a policy may know them.
+    #: The splits of its orchards. `train` and `test` are public, so a policy may know them.
     splits: list[str]
     policy: str
     policy_version: str
@@ -57,12 +57,12 @@ class Submission(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     #: Instance -> its score, 0 to 1.
     scores: dict[str, float]
     harvests: list[SubmittedHarvest]
-    #: Of all else.
+    #: The hash of all other fields, which shows a change by mistake.
     sha256: str = ""
 
     @property
     def digest(self) -> str:
-        """The hash of all but the hash."""
+        """The hash of all fields but `sha256`."""
         bare = msgspec.structs.replace(self, sha256="")
         return hashlib.sha256(msgspec.json.encode(bare, order="sorted")).hexdigest()
 
@@ -70,7 +70,7 @@ class Submission(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def submission_of(
     policy: str, version: str, known: Mapping[str, Instance], played: Mapping[str, Sequence[Played]]
 ) -> Submission:
-    """Return a submission. `played`: of each instance, the harvests by seed."""
+    """Return a submission. `played`: instance -> its harvests, in the order of its seeds."""
     harvests = list[SubmittedHarvest]()
     for name, instance in known.items():
         for draw, harvest in zip(instance.draws, played[name], strict=True):
@@ -102,7 +102,7 @@ def submission_of(
 
 
 def splits_of(known: Mapping[str, Instance]) -> list[str]:
-    """Return the splits of which instances are."""
+    """Return the splits to which instances belong."""
     return sorted({instance.split for instance in known.values()})
 
 
@@ -115,7 +115,7 @@ def scores_of(harvests: Iterable[SubmittedHarvest]) -> dict[str, float]:
 
 
 def read_submission(path: Path) -> Submission:
-    """Return the submission in a file. Raises OSError, or ValueError for a file that is none."""
+    """Return the submission in a file. Raises OSError, or ValueError for what is no submission."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=Submission)
     except msgspec.MsgspecError as error:
@@ -139,7 +139,7 @@ def problems_of(submission: Submission, known: Mapping[str, Instance]) -> list[s
         problems.append("its hash is not that of its content: it was changed after it was written")
     unwanted = _wrong_harvests(submission, known)
     if unwanted:
-        # A file may have any number of those.
+        # Nothing is replayed then: a file may have any number of harvests that nobody wants.
         return problems + unwanted
     for harvest in submission.harvests:
         problems += _wrong(harvest, known[harvest.instance])
@@ -147,7 +147,7 @@ def problems_of(submission: Submission, known: Mapping[str, Instance]) -> list[s
 
 
 def _wrong_harvests(submission: Submission, known: Mapping[str, Instance]) -> list[str]:
-    """Return which harvests are missing, are there twice, or are of no instance and seed."""
+    """Return which harvests are missing, are there twice, or are of an unknown seed."""
     wanted = set[tuple[str, int]]()
     for name, instance in known.items():
         wanted |= {(name, draw.seed) for draw in instance.draws}
@@ -164,7 +164,7 @@ def _wrong_harvests(submission: Submission, known: Mapping[str, Instance]) -> li
 
 
 def _wrong_scores(submission: Submission) -> list[str]:
-    """Return which scores are not those of the harvests."""
+    """Return which scores do not follow from the harvests."""
     problems = []
     scores = scores_of(submission.harvests)
     for instance in sorted({*scores} | {*submission.scores}):
@@ -240,7 +240,7 @@ def replayed(scenario: Scenario, is_early: bool, orders: Sequence[RecordedOrder]
 
 
 def _check_pickers(orders: Sequence[RecordedOrder], bins: Sequence[BinReport]) -> None:
-    """Check whose bins were fetched. Raises ValueError."""
+    """Check that each order names the picker of its bin. Raises ValueError."""
     pickers = dict[str, str]()
     for report in bins:
         pickers[report.name] = report.picker

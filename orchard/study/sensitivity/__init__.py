@@ -1,1 +1,6 @@
-"""What a result hangs on: each of some values is moved, and the effect of each one is told."""
+"""What a result depends on: `orchard study --sensitivity`.
+
+Some values of a scenario, the factors, are moved through ranges, all at once. A point is a value
+for each of them. Two harvests are done at each point, and a fit to their results says which share
+of the variance of the results each value has.
+"""

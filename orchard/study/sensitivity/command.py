@@ -30,6 +30,7 @@ _NO_DEADLINE = (
     "looks for a fleet, and a sensitivity moves what is given; what the time hangs on: --horizon"
     " harvest --goal harvest_seconds"
 )
+# Option that a sensitivity cannot have -> why.
 _NOT_OF_A_SENSITIVITY = {
     "finish_within": _NO_DEADLINE,
     "finish_by": _NO_DEADLINE,
@@ -39,7 +40,10 @@ _NOT_OF_A_SENSITIVITY = {
 def run_sensitivity(
     chosen: StudyArguments, options: StudyOptions, is_stopped: Callable[[], bool]
 ) -> int:
-    """Tell what a result hangs on. Return the exit code: 1 if there are too few runs to tell."""
+    """Do a sensitivity study, print and write its result.
+
+    Return the exit code: 1 if there are too few runs for an answer, or a file cannot be written.
+    """
     scenario, factors = _question(chosen, options)
     with _progress(chosen) as tell:
         result = sensitivity(scenario, factors, options, tell, is_stopped)
@@ -51,7 +55,7 @@ def run_sensitivity(
 
 
 def _question(chosen: StudyArguments, options: StudyOptions) -> tuple[Scenario, Sequence[Factor]]:
-    """Return what is asked. Raises ScenarioError with all that is wrong."""
+    """Return the scenario and the values to move. Raises ScenarioError with all that is wrong."""
     problems = chosen.problems()
     for name, why in _NOT_OF_A_SENSITIVITY.items():
         if getattr(chosen, name) is not None:
@@ -108,7 +112,10 @@ def _print(result: SensitivityResult, as_json: bool) -> None:
 
 
 def _files(chosen: StudyArguments, result: SensitivityResult) -> dict[Path, Save]:
-    """Return what is written where. Without effects there is only a summary."""
+    """Return the files that are wanted, each with the function that writes it.
+
+    Without effects only the summary is written.
+    """
     wanted: dict[Path | None, Save] = {chosen.summary: _save_summary}
     if result.effects:
         wanted |= {
@@ -125,7 +132,10 @@ def _save_summary(result: SensitivityResult, path: Path) -> None:
 
 
 def _save_by(module: str, name: str, result: SensitivityResult, path: Path) -> None:
-    """Save a result by a module that is loaded now: matplotlib takes half a second."""
+    """Write a result by a function of a module of this package.
+
+    The module is imported only now: it loads matplotlib, which takes half a second.
+    """
     save: Save = getattr(import_module(f"orchard.study.sensitivity.{module}"), name)
     save(result, path)
 

@@ -1,8 +1,8 @@
-"""The values that a sensitivity study moves, and from where to where each is moved.
+"""The values that a sensitivity study moves, the factors, and the range of each.
 
-A value is moved by a share of what the scenario says, or through a range that the user names. The
-shares below are how well such a value is known before a harvest. They are judgements, so the answer
-names each range, and `--vary` says another one.
+A value is moved up and down by a share of what the scenario says, or through a range that the user
+names. The shares below say how well such a value is known before a harvest. They are judgements. So
+the answer names each range, and the user can give another one by `--vary`.
 """
 
 import re
@@ -22,10 +22,10 @@ from orchard.field.scenario.ways import value_at
 from orchard.study.settings import SEED
 from orchard.study.spread import is_number
 
-# What is moved if the user names nothing: key -> the share by which it is moved up and down. People
-# pick 1.2 to 1.8 bins an hour: 20 % about 1.5. A crop is estimated to some 15 %. Machines keep
-# their speeds within 10 %. How long people handle bins, and how unlike rows are, is known least. Of
-# a number of things one more and one less are the least.
+# The values that are moved if the user names none: key -> the share by which it is moved up and
+# down. People pick 1.2 to 1.8 bins an hour, which is 1.5 and 20 %. A crop is estimated to about 15
+# %. Machines keep their speeds within 10 %. How long people handle bins, and how much rows differ,
+# is known least well. A number of things is moved by at least one.
 SHARES: Mapping[str, float] = MappingProxyType(
     {
         "picking_rate": 0.20,
@@ -51,18 +51,18 @@ SHARES: Mapping[str, float] = MappingProxyType(
         "load_out.truck.every": 0.20,
     }
 )
-# Of a value that the user names, and that has no share above.
+# The share of a value that the user names without a share, and that has none above.
 USUAL_SHARE = 0.10
-# Of a value that is moved.
+# Digits of a value that is moved: so it can be shown as it is.
 DIGITS = 5
 FORM = "must be KEY, KEY=LOW..HIGH or KEY=SHARE%, such as picking_rate=1.2..1.8 or carriers=20%"
 _NUMBER = r"\s*(-?(?:\d+\.?\d*|\.\d+))\s*"
 _RANGE = re.compile(rf"{_NUMBER}\.\.{_NUMBER}")
 _SHARE = re.compile(rf"{_NUMBER}%\s*")
 PICKER_RATES = "picker_rates"
-# Of a picker that has no rate of its own.
+# The rate, as a share of the usual one, of a picker that `picker_rates` does not name.
 USUAL_RATE = 1.0
-# Key of a spread -> the key that says whether there is any.
+# Key of a spread -> the key of its distribution, which is "none" if there is no spread.
 _OF_SPREADS = {
     "picking.spread.cv": "picking.spread.distribution",
     "picking.spread_of_pickers.cv": "picking.spread_of_pickers.distribution",
@@ -80,7 +80,7 @@ class Factor:
     key: str
     low: float
     high: float
-    #: Whether it is a number of things, of which each has the same chance.
+    #: Whether it is a number of things, such as carriers. Each whole number is equally likely.
     is_whole: bool = False
 
     def value(self, share: float) -> float:
@@ -97,9 +97,9 @@ class Factor:
 
 
 def factors_of(scenario: Scenario, words: Sequence[str]) -> tuple[list[Factor], list[Problem]]:
-    """Return the values to move, and all that is wrong with what `--vary` says of them.
+    """Return the values to move, and what is wrong with the options `--vary`.
 
-    `words`: what `--vary` says; nothing: the values of SHARES that the scenario has.
+    `words`: of these options; [] for the values of SHARES that the scenario has.
     """
     if not words:
         return list(_usual_factors(scenario)), []
@@ -130,7 +130,7 @@ def _usual_factors(scenario: Scenario) -> Iterator[Factor]:
         if value is None or is_other_way or not _is_in_use(scenario, key):
             continue
         least, most = _limits(key)
-        # What stands at its limit is a default that nobody has measured.
+        # A value at its limit is a default, not a measurement, and cannot be moved to both sides.
         if not value or value in (least, most):
             continue
         taken.append(key)
@@ -141,21 +141,26 @@ def _is_in_use(scenario: Scenario, key: str) -> bool:
     """Whether a scenario uses a value of SHARES, and does not take another one in its place."""
     if key in _OF_SPREADS:
         return bool(value_at(scenario, _OF_SPREADS[key]) != "none")
-    # These have a number even where they are not set: one that follows from other values. Then the
-    # length of a row says what a bin holds, and the speed of picking says the rate.
+    # These three have a number even where they are not set, because it follows from other values:
+    # the length of a row says how many metres fill a bin, and the speed of picking says the rate.
+    # Then the other values are moved.
     follows = key in ("metres_per_bin", "bins_per_row", "picking_rate")
     return not follows or value_at(scenario, key) is not None
 
 
 def _factor_of(scenario: Scenario, key: str, word: str) -> Factor:
-    """Return what a `--vary` moves. Raises FactorError, or ScenarioError of a key that is none."""
+    """Return the factor of an option `--vary`. Raises FactorError, or ScenarioError for a wrong
+    key.
+
+    `word`: the whole text. `key`: what stands before its "=".
+    """
     _, equals, text = word.partition("=")
     if not key:
         raise FactorError(FORM)
     if key == SEED:
         raise FactorError("the luck of the seed is told in any case; leave it out")
     if _is_unknown_in_section(key):
-        # This only raises: the error names the keys that there are, and the one that is meant.
+        # This raises an error that names the possible keys, and the one that was probably meant.
         with_changes(scenario, **{key: 1})
     value = _known_value(scenario, key)
     if not _takes_numbers(key):
@@ -217,11 +222,11 @@ def _rounded(value: float) -> float:
 
 
 def _demand_effect(scenario: Scenario, factor: Factor) -> None:
-    """Raise FactorError if the result is the same wherever a value stands in its range.
+    """Raise FactorError if a value has no effect, wherever it stands in its range.
 
-    That is so if no end of the range has an effect. An end that is the schema's default tells
-    nothing, because a default is never said to have no effect. It is left out. The ends differ, so
-    one of them is always asked.
+    Both ends of the range are checked. But a value that is the schema's default is never reported
+    as having no effect, so an end that is the default is not checked. The ends differ, so at least
+    one is checked.
     """
     default = _known_value(Scenario(), factor.key)
     faults = []
@@ -233,11 +238,11 @@ def _demand_effect(scenario: Scenario, factor: Factor) -> None:
 
 
 def _why_in_vain(scenario: Scenario, key: str, value: float) -> str:
-    """Return why a value has no effect, and what would give it one; '' if it has."""
+    """Return why a value has no effect, and what would give it one; '' if it has an effect."""
     try:
         changed = with_changes(scenario, **{key: value})
     except ScenarioError:
-        # What is wrong with values that are moved together is told later.
+        # A value that cannot stand with the others is reported later, with the points.
         return ""
     try:
         with_effect(changed, "--vary")
@@ -251,7 +256,7 @@ def _why_in_vain(scenario: Scenario, key: str, value: float) -> str:
 
 
 def _demand_one_way(factor: Factor, factors: Sequence[Factor]) -> None:
-    """Raise FactorError if another factor is the same value, said in the same or another way."""
+    """Raise FactorError if another factor has the same key, or a key that says the same."""
     for known in factors:
         if known.key == factor.key:
             raise FactorError("this key is moved already")
@@ -280,8 +285,8 @@ def _known_value(scenario: Scenario, key: str) -> float | None:
 
 
 def _field(key: str) -> FieldInfo | None:
-    """Return the field of a dotted path, or of what a user names in a map; None if there is
-    none.
+    """Return the schema's field of a dotted path, also of a user's name in a map, such as
+    `picker_rates.picker_01`; None if there is none.
     """
     inside: Any = Scenario
     field = None
@@ -299,10 +304,11 @@ def _field(key: str) -> FieldInfo | None:
 
 
 def _is_unknown_in_section(key: str) -> bool:
-    """Whether a section has no such key, or there is no such section.
+    """Whether a key is unknown, and the longest part of its path that is known is a section.
 
-    Not so for a key below a value that is no section, such as `rows.x`: an error of `with_changes`
-    would be about `rows`, which is right. Such a key takes no numbers, and that is said of it.
+    A key below a value that is no section, such as `rows.x`, does not count: there an error of
+    `with_changes` would be about `rows`, which is a right key. It is refused because it takes no
+    numbers.
     """
     if _field(key) is not None:
         return False

@@ -18,7 +18,7 @@ from orchard.study.sensitivity.words import HEADS, LUCK, UNFITTED, legend, rows_
 from orchard.study.words import GOALS
 
 TITLE = "How far each value moves the result, and its share of all variance"
-# `kinds_of_files.TABLE` knows a table by the first ones.
+# `orchard.study.kinds_of_files.TABLE` recognises a table by the first of them.
 COLUMNS = (
     "moved",
     "low",
@@ -54,7 +54,7 @@ def save_csv(result: SensitivityResult, path: Path) -> None:
 
 
 def _columns(name: str, share: Interval) -> dict[str, float]:
-    """Return a share, and the interval in which it is, by their columns."""
+    """Return a share and its interval: column -> value."""
     return {f"{name}_{end}": value for end, value in asdict(share).items()}
 
 

@@ -32,9 +32,10 @@ HEIGHT_OF_BAR = 0.42
 HEIGHT_OF_REST = 1.3
 LOW_END = COLOURS[2]
 HIGH_END = COLOURS[1]
-# Of a name, from its end of a bar, points.
+# Distance of a value's name from the end of its bar, points.
 ASIDE = 4.0
-# How both kinds of effects are drawn, and how far aside of their line.
+# How both kinds of effects are drawn. `aside`: how far from the middle of their bar, as a share of
+# the distance between two bars; all else is as matplotlib takes it.
 OF_TOTAL = {"aside": 0.12, "color": COLOURS[0], "marker": "o", "label": "in all"}
 OF_FIRST_ORDER = {"aside": -0.12, "color": COLOURS[3], "marker": "s", "label": "by itself"}
 
@@ -65,7 +66,7 @@ def figure(result: SensitivityResult) -> Figure:
 def _draw_tornado(axes: Axes, result: SensitivityResult) -> None:
     """Draw a bar from the result at the low end of each value to that at the high end.
 
-    Beside each end stands the value that it is of. Ends that are not told have no bar.
+    Beside each end of a bar stands the value there. Where the ends are not known there is no bar.
     """
     for place, effect in enumerate(result.effects):
         if effect.at_low is None or effect.at_high is None:
@@ -104,8 +105,9 @@ def _name_end(
 
 
 def _draw_shares(axes: Axes, result: SensitivityResult, rest: Sequence[Interval]) -> None:
-    """Draw what each value shares of all variance: by itself, and in all. `rest`: what comes from
-    no value, below them.
+    """Draw the share of all variance that each value has: by itself, and in all.
+
+    `rest`: the shares that come from no value, which are drawn below them.
     """
     effects = result.effects
     _draw_points(axes, [effect.total for effect in effects], OF_TOTAL)

@@ -8,26 +8,28 @@ from orchard.study.result import Goal, Horizon, Interval, StoppedBy
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """What one value does to the result when it is moved through its range.
+    """How one value changes the result when it is moved through its range.
 
-    Shares are of all variance of a run's result: 0.5 is half. Their intervals are by bootstrap.
+    Shares are of the whole variance of a run's result: 0.5 is half. Their intervals are computed by
+    bootstrap.
     """
 
     key: str
     low: float
     high: float
-    #: The mean result where the value is at its low end, and the others are anywhere in theirs.
-    #: None: the fit is not good enough to tell it.
+    #: The mean result where the value is at its low end, or its high one, and the others are
+    #: anywhere in their ranges. None: the fit is not good enough for that.
     at_low: float | None
     at_high: float | None
-    #: By itself: what would be gone if this value were known.
+    #: The share of this value by itself: how much less the variance were if the value were known.
     first_order: Interval
-    #: With all in which it takes part: what would be left if all but this one were known.
+    #: The share with all that it does together with others: how much variance would be left if all
+    #: other values were known.
     total: Interval
 
     @property
     def swing(self) -> float | None:
-        """How far the mean result goes from one end to the other; None if that is not told."""
+        """How far apart the mean results at both ends are; None if they are not known."""
         if self.at_low is None or self.at_high is None:
             return None
         return abs(self.at_high - self.at_low)
@@ -35,30 +37,32 @@ class Effect:
 
 @dataclass(frozen=True, kw_only=True)
 class SensitivityResult:
-    """What a result hangs on."""
+    """What a result depends on."""
 
     answer: str
     orchard: str
     goal: Goal
     horizon: Horizon
-    #: A value that moves the mean by a smaller share is worth nothing.
+    #: A share: a value that moves the mean by less does not matter.
     within: float
     confidence: float
     #: The effects, greatest total first. Empty: too few runs.
     effects: list[Effect]
-    #: The mean of all runs, and between which values 95 % of them lie.
+    #: The mean of all runs, and the interval in which 95 % of them lie.
     mean: float
     spread: Interval
-    #: Of all variance: of runs that differ only in their seeds.
+    #: The share of all variance that runs have which differ only in their seeds.
     luck: Interval
-    #: Of all variance: what neither the fit nor the seeds tell. It may come from any value.
+    #: The share of all variance that neither the fit nor the seeds explain. It may come from any
+    #: value.
     unfitted: Interval
-    #: How much of what the values move the fit tells: R2, without the luck of the seeds. It is that
-    #: of points which the fit has not seen.
+    #: How well the fit predicts points that it has not seen: R2, 0 to 1, without the luck of the
+    #: seeds.
     fit: float
-    points: int
+    points: int  #: of which all runs are done, and none jammed
     points_asked: int
     runs: int
+    #: The values of points in which a run jammed.
     jammed: list[dict[str, Any]]
     stopped_by: StoppedBy
     wall_seconds: float

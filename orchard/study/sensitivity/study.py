@@ -1,4 +1,8 @@
-"""The sensitivity of a result: runs at quasi-random points of what is moved, and their shares."""
+"""The sensitivity of a result: runs at quasi-random points, and the effect of each value.
+
+A factor is a value that is moved. A point has a share for each factor: where its value stands
+between the ends of its range, 0 to 1. `orchard.study.sensitivity.surrogate` computes the effects.
+"""
 
 import time
 from collections.abc import Callable, Sequence
@@ -33,18 +37,18 @@ from orchard.study.store import Store
 from orchard.study.words import key_words, orchard_words, setting_words
 from orchard.study.workers import Workers, processes, scheduled
 
-# S between two partial results.
+# s between two reports of progress.
 REPORT_SECONDS = 0.2
-# Of what the values move: a fit that tells less is said to be poor.
+# R2 of a fit at points that it has not seen. Below this a note says that the fit is poor.
 GOOD_FIT = 0.9
-# From here on it tells the mean results at the ends too: there a fit errs most.
+# From here on the mean results at the ends of the values are shown too: a fit errs most there.
 FIT_OF_ENDS = 0.98
 NONE = Interval(mean=0.0, low=0.0, high=0.0)
-# More would need more than a thousand harvests.
+# More factors would need more than a thousand harvests.
 MOST_FACTORS = 16
-# Points that jam, of which the setting is named.
+# How many points that jam a note names.
 MOST_JAMS_NAMED = 3
-# Of the runs, outside the spread that is told, on each side, %.
+# Percent of the runs on each side of the spread that is shown, which has 95 % of them.
 TAIL = 2.5
 
 
@@ -55,10 +59,11 @@ def sensitivity(
     tell: Callable[[float], None] = lambda share: None,
     is_stopped: Callable[[], bool] = lambda: False,
 ) -> SensitivityResult:
-    """Move values of a scenario through their ranges, and return what its result hangs on.
+    """Move values of a scenario through their ranges, and return what its result depends on.
 
-    `tell` hears which share of the runs is done. When `is_stopped` says True, the answer is that of
-    the points which are done. The same question has the same answer, whatever the workers do.
+    `tell` gets the share of the runs that are done. When `is_stopped` returns True, the answer is
+    that of the points which are done. The same question has the same answer, whatever the workers
+    do.
 
     Raises as `orchard.study.study.study` does.
     """
@@ -101,9 +106,9 @@ def sensitivity_problems(
 
 
 def _settings(scenario: Scenario, factors: Sequence[Factor], shares: Array) -> list[Setting]:
-    """Return the setting of each point, with seeds of its own.
+    """Return the setting of each point. No two points have a common seed.
 
-    Raises ScenarioError with what is wrong with the ranges together, each fault once.
+    Raises ScenarioError if values of some points cannot stand together, each fault once.
     """
     settings = []
     faults: dict[str, Problem] = {}
@@ -125,21 +130,21 @@ def _settings(scenario: Scenario, factors: Sequence[Factor], shares: Array) -> l
 class _DonePoints:
     """The points of which all runs are done."""
 
-    #: Where each point stands between the ends of the values, 0 to 1.
+    #: The shares of each point, (f,).
     shares: list[Sequence[float]] = field(default_factory=list)
-    #: What the runs of each point say of the goal.
+    #: The values of the goal in the runs of each point.
     results: list[list[float]] = field(default_factory=list)
-    #: The values of the points in which a run has jammed. They are in neither of the others.
+    #: The values of points in which a run has jammed. These points are not in the other lists.
     jammed: list[dict[str, Any]] = field(default_factory=list)
 
 
 @dataclass(kw_only=True)
 class _Sensitivity:
-    """The runs at all points, and what they tell."""
+    """The runs at all points, and their result."""
 
     scenario: Scenario
     factors: Sequence[Factor]
-    #: The points in the unit cube, (n, factors).
+    #: The points in the unit cube, (n, f).
     shares: Array
     settings: list[Setting]
     options: StudyOptions
@@ -184,7 +189,10 @@ class _Sensitivity:
             self.told_at = time.time()
 
     def _value(self, setting: Setting, record: RunRecord) -> float:
-        """Return what a run says of the goal. A harvest counts as it was, with its own rows."""
+        """Return the value of the goal in a run.
+
+        A harvest counts with the rows that its seed has drawn, because this is part of its luck.
+        """
         if self.goal == "harvest_seconds":
             return record.sim_seconds
         if self.goal == "cost_per_bin":
@@ -194,7 +202,7 @@ class _Sensitivity:
         return record.bins_per_hour
 
     def _result(self, runs: Replications, stopped_by: StoppedBy) -> SensitivityResult:
-        """Return what the points tell of which all runs are done."""
+        """Return the result of the points of which all runs are done."""
         done = self._done_points(runs)
         results = done.results
         shares = None
@@ -307,7 +315,7 @@ def _notes(result: SensitivityResult) -> list[str]:
 
 
 def _fit_notes(result: SensitivityResult) -> list[str]:
-    """Return what the fit tells, and what it does not; nothing where nothing moves the result."""
+    """Return how good the fit is; nothing where all results are the same."""
     if not result.effects or result.spread.low == result.spread.high:
         return []
     notes = [_fit_words(result)]

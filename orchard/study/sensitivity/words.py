@@ -1,4 +1,7 @@
-"""How a sensitivity is said: the answer in a few sentences, and the table."""
+"""A sensitivity in words: the answer in a few sentences, and the table.
+
+"What is unsure" is the variance of the results.
+"""
 
 from collections.abc import Sequence
 
@@ -10,10 +13,10 @@ from orchard.study.result import Interval
 from orchard.study.sensitivity.result import Effect, SensitivityResult
 from orchard.study.words import UNITS, key_words, number_words
 
-# Of all variance: values with a smaller share are not named.
+# A share of all variance: values with a smaller one are not named.
 WORTH_NAMING = 0.05
 MOST_NAMED = 3
-# Shares of what is unsure, from which on it is said so.
+# The least share for which the words are used, from the largest to the smallest one.
 SHARE_WORDS = (
     (0.9, "nearly all"),
     (0.72, "most"),
@@ -34,9 +37,11 @@ def answer(result: SensitivityResult) -> str:
         return "All points that have run jammed: some robots waited for ever."
     if not result.points:
         return "No point has been run yet."
-    digits = result.spread.high - result.spread.low
-    figures = [number_words(value, digits / 10.0) for value in _figures(result)]
-    mean, low, high = figures
+    # As many digits as a tenth of the spread needs.
+    tenth = (result.spread.high - result.spread.low) / 10.0
+    mean = number_words(result.mean, tenth)
+    low = number_words(result.spread.low, tenth)
+    high = number_words(result.spread.high, tenth)
     unit = UNITS[result.goal]
     if result.horizon == "long":
         unit += " in the long run"
@@ -51,12 +56,8 @@ def answer(result: SensitivityResult) -> str:
     return f"{words}. {_sources(result)} The orchard: {result.orchard}."
 
 
-def _figures(result: SensitivityResult) -> tuple[float, float, float]:
-    return result.mean, result.spread.low, result.spread.high
-
-
 def _sources(result: SensitivityResult) -> str:
-    """Return from what it comes that the result is unsure."""
+    """Return where the variance of the results comes from: values, luck, or what is not fitted."""
     named = [effect for effect in result.effects if effect.total.mean >= WORTH_NAMING]
     named = named[:MOST_NAMED]
     largest = max([result.luck.mean, *(effect.total.mean for effect in named)])
@@ -77,7 +78,10 @@ def _sources(result: SensitivityResult) -> str:
 
 
 def _untold(result: SensitivityResult, named: Sequence[Effect]) -> str:
-    """Return what is known where the fit does not tell the largest part: no value is the first."""
+    """Return the sources if the largest part of the variance is what the fit does not tell.
+
+    Then nobody knows which value has the largest share.
+    """
     share = _share_words(result.unfitted.mean)
     parts = [f"{share} of what is unsure is not told by the fit, and may come from any value"]
     parts += [f"at least {_percent(effect.total)} % from {_moved(effect)}" for effect in named]
@@ -115,7 +119,8 @@ def rows_of(result: SensitivityResult) -> list[list[str]]:
     """Return the cells of the table, by HEADS: the values that are moved, the luck, and what the
     fit does not tell, if there is any.
     """
-    digits = (result.spread.high - result.spread.low) / 10.0
+    # As many digits as this needs.
+    tenth = (result.spread.high - result.spread.low) / 10.0
     rows = []
     for effect in result.effects:
         rows.append(
@@ -123,8 +128,8 @@ def rows_of(result: SensitivityResult) -> list[list[str]]:
                 effect.key,
                 f"{effect.low:g}",
                 f"{effect.high:g}",
-                _end(effect.at_low, digits),
-                _end(effect.at_high, digits),
+                _end(effect.at_low, tenth),
+                _end(effect.at_high, tenth),
                 _percent(effect.first_order),
                 _percent(effect.total),
             ]
@@ -137,11 +142,11 @@ def rows_of(result: SensitivityResult) -> list[list[str]]:
     return rows
 
 
-def _end(mean: float | None, digits: float) -> str:
-    """Return the mean result at an end of a value; '' if it is not told."""
+def _end(mean: float | None, spread: float) -> str:
+    """Return the mean result at an end of a value; '' if it is not known."""
     if mean is None:
         return ""
-    return number_words(mean, digits)
+    return number_words(mean, spread)
 
 
 def legend(result: SensitivityResult) -> str:

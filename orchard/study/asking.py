@@ -13,7 +13,10 @@ from orchard.terminal.files import check_writable, one_file
 
 
 def read_scenario(path: Path | None) -> tuple[Scenario, list[Problem]]:
-    """Return the scenario of a file, without what is wrong there, and all that is wrong."""
+    """Return the scenario of a file, and what is wrong with it.
+
+    Values that are wrong have their defaults, so that the rest can still be checked.
+    """
     try:
         return load_or_shipped(path), []
     except ScenarioError as error:
@@ -38,5 +41,6 @@ def _unwritable(chosen: StudyArguments) -> Iterator[Problem]:
         try:
             check_writable(path, chosen.scenario, kind)
         except OSError as error:
+            # Its text is "FILE: why".
             name, _, why = str(error).partition(": ")
             yield Problem(name, why)

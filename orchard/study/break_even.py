@@ -1,4 +1,8 @@
-"""What one more robot may cost: the price at which it is neither worth it nor not."""
+"""What one more robot may cost: the price at which a bin costs the same with it and without it.
+
+It is computed from two settings of a study that differ in one number only, of pickers or carriers,
+and from their runs with the same seeds.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +18,7 @@ from orchard.study.words import interval_words, number_words
 
 # The kinds of robots, by the key of their number.
 KINDS = {"pickers": "picker", "carriers": "carrier"}
-# A price below this is shown as 0.
+# A price below this, in the currency of the prices an hour, would be shown as 0.
 LEAST_PRICE = 0.0005
 
 
@@ -48,17 +52,17 @@ class KnownSetting:
         return sum(self.payments(record).values())
 
     def payments(self, record: RunRecord) -> dict[str, float]:
-        """Return what is paid for what, for a bin of a run."""
+        """Return what a bin of a run costs: key of a payment -> amount."""
         return self.setting.payments(record.bins_per_hour, record.counted_bins)
 
 
 def break_evens(
     best: KnownSetting, others: Sequence[KnownSetting], confidence: float
 ) -> list[BreakEven]:
-    """Return what the last robot of each kind of the best setting may cost, and one more.
+    """Return for each kind of robots what the last one of the best setting may cost, and one more.
 
-    The best setting is compared with those that differ in the number of this kind only, and of them
-    with the two that are nearest: one with fewer robots, one with more.
+    The best setting is compared with two of those that differ only in the number of this kind: with
+    the next smaller number, and with the next larger one.
     """
     prices = []
     for key in OF_ROBOTS:
@@ -69,25 +73,29 @@ def break_evens(
         by_number[best.number(key)] = best
         numbers = sorted(by_number)
         place = numbers.index(best.number(key))
-        for fewer, more in pairwise(numbers[max(0, place - 1) : place + 2]):
+        # The number before, the best one, and the number after, as far as there are such.
+        nearest = numbers[max(0, place - 1) : place + 2]
+        for fewer, more in pairwise(nearest):
             prices.append(_break_even(key, by_number[fewer], by_number[more], confidence))
     return prices
 
 
 def _differ_only_in(key: str, best: KnownSetting, other: KnownSetting) -> bool:
-    """Whether two settings differ in one key."""
+    """Whether two settings differ in this key, and in no other one."""
     values = best.setting.values
     others = other.setting.values
     return [name for name in values if values[name] != others[name]] == [key]
 
 
 def _break_even(key: str, less: KnownSetting, more: KnownSetting, confidence: float) -> BreakEven:
-    """Return what a robot may cost of those that one setting has more than the other.
+    """Return what each of the robots may cost that one setting has beyond the other.
 
     `less`, `more`: the settings with fewer and with more robots of a kind.
     """
     added = more.number(key) - less.number(key)
     prices = []
+    # By seed. A bin may cost what is paid for the added robots now, and what it costs less with
+    # them. Times the bins an hour that is for an hour, and then for one of these robots.
     for before, after in zip(less.records, more.records, strict=False):
         saved_per_bin = less.cost(before) - more.cost(after)
         paid_per_bin = more.paid_for_robots(key, after) * added / more.number(key)
@@ -106,7 +114,9 @@ def _break_even(key: str, less: KnownSetting, more: KnownSetting, confidence: fl
 
 
 def _times(per_hour: Interval, hours: float | None) -> Interval | None:
-    """Return the price of a machine that is worth so much an hour, for so many hours."""
+    """Return the price of a machine that is worth so much an hour and works for so many hours; None
+    if these are not known.
+    """
     if hours is None:
         return None
     return Interval(

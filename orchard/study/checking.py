@@ -1,4 +1,6 @@
-"""What is wrong with a study before it begins: with its settings, its options and own classes."""
+"""What is wrong with a study before it begins: with its settings, its options and the classes of
+the user that its scenario names ("own classes").
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -32,11 +34,11 @@ _SENSORS = "only the full model knows errors of sensors; choose --model full"
 def checked_settings(
     scenario: Scenario, varied: Mapping[str, Sequence[Any]], options: StudyOptions
 ) -> tuple[list[Setting], list[Problem]]:
-    """Return the settings of a study, and all that is wrong with them, with what options ask, and
-    with own classes.
+    """Return the settings of a study, and all that is wrong with them, with the options, and with
+    own classes.
     """
     settings, problems = settings_of(scenario, numbered(scenario, varied))
-    # Options and classes are checked too if no setting is a scenario.
+    # If no setting can be a scenario, options and classes are checked with the scenario as it is.
     asked = settings or [Setting({}, scenario)]
     problems += _option_problems(asked, options)
     problems += _price_problems(asked, options)
@@ -72,10 +74,10 @@ def _option_problems(settings: Sequence[Setting], options: StudyOptions) -> list
 
 
 def _price_problems(settings: Sequence[Setting], options: StudyOptions) -> list[Problem]:
-    """Return that pickers vary without a price, if costs are what a study asks for.
+    """Return a problem if pickers vary and have no price, but the study asks for the least cost.
 
-    Carriers that vary without one pass: their table is shown. Only a question for the cheapest
-    fleet refuses them, in `finishing`.
+    Carriers may vary without a price: the table is of use. Only a study with a deadline refuses
+    that, in `orchard.study.finishing`.
     """
     numbers = {setting.scenario.pickers for setting in settings}
     is_of_costs = options.goal in (None, "cost_per_bin") and have_prices(settings)
@@ -85,10 +87,9 @@ def _price_problems(settings: Sequence[Setting], options: StudyOptions) -> list[
 
 
 def free_robots(settings: Sequence[Setting], key: str) -> list[Problem]:
-    """Return that robots of a kind cost nothing in settings in which their number varies, while
-    something else has a price.
+    """Return a problem if robots of a kind cost nothing, while something else has a price.
 
-    `key`: that of their number, pickers or carriers. The caller has found that it varies.
+    `key`: pickers or carriers; the caller knows that this number varies.
     """
     for setting in settings:
         prices = setting.scenario.prices
@@ -102,7 +103,8 @@ def free_robots(settings: Sequence[Setting], key: str) -> list[Problem]:
 
 
 def _plugin_problems(settings: Sequence[Setting], model: Models) -> list[Problem]:
-    """Return what is wrong with own classes. Settings with the same ones are checked once."""
+    """Return what is wrong with own classes. Settings with the same classes are checked once."""
+    # The key and the path of each own class -> a setting with these classes.
     with_own: dict[tuple[tuple[str, str], ...], Setting] = {}
     for setting in settings:
         classes = setting.scenario.own_classes

@@ -23,7 +23,7 @@ from orchard.terminal.typed import named
 
 LEAST_CONFIDENCE = 0.5
 MOST_CONFIDENCE = 0.9999
-# Unit of a time -> s.
+# Unit of a time -> its seconds.
 BUDGET_UNITS = {"min": 60.0, "h": 3600.0, "s": 1.0}
 DEADLINE_UNITS = {"min": 60.0, "h": 3600.0}
 LEAST_BUDGET = 1.0  # s
@@ -33,7 +33,7 @@ QUESTION = "The question"
 RUNS = "The runs"
 FILES = "What it shows and writes"
 
-# -- parsers; all of them raise BadParameter
+# -- parsers: each takes the text that a user has typed, and raises BadParameter if it is wrong
 
 
 def _share(text: str) -> float:
@@ -126,8 +126,9 @@ def _store(text: str) -> Path:
 
 
 def _checked(parse: Callable[[str], Any]) -> Callable[[str], Any]:
-    """Return a parser that returns a Problem for a fault: so a study reports the faults of all its
-    options at once.
+    """Return a parser that returns a Problem where `parse` raises BadParameter.
+
+    So a study can report what is wrong with all its options at once (`StudyArguments.problems`).
     """
 
     def parsed(text: str) -> Any:
@@ -176,7 +177,11 @@ WITHIN = "A difference below this share is worth nothing."
 
 @dataclass(frozen=True, kw_only=True)
 class StudyArguments:
-    """The options of a study, in the order of --help. Typer parses defaults, too."""
+    """The options of a study, in the order of --help.
+
+    A value that is wrong is a Problem in place of a value: see `problems`. Defaults are given as
+    texts, because Typer parses them too.
+    """
 
     scenario: File = None
     vary: list[str] | None = option(QUESTION, VARY, "KEY=VALUES")
@@ -211,7 +216,7 @@ class StudyArguments:
 
     @property
     def deadline(self) -> Deadline | None:
-        """The deadline; None if there is none. One that is wrong is no deadline."""
+        """The deadline; None if there is none, or it is wrong."""
         if isinstance(self.finish_within, float):
             return Deadline(within_seconds=self.finish_within)
         if isinstance(self.finish_by, int):
@@ -230,10 +235,7 @@ class StudyArguments:
         return [(path, kind) for path, kind in kinds if isinstance(path, Path)]
 
     def problems(self) -> list[Problem]:
-        """Return what is wrong with each option, and with all together.
-
-        The value of an option that is wrong means nothing.
-        """
+        """Return what is wrong with each option by itself, and with some of them together."""
         problems = []
         for name, value in vars(self).items():
             if isinstance(value, Problem):

@@ -1,15 +1,20 @@
-"""What replications on common seeds tell of settings: by how much the best is ahead of each, and
-whether that is worth anything.
+"""Compares settings by their replications on common seeds: how far is the best mean ahead of each,
+and is that more than `within`, the difference below which settings count as equally good?
 
-A setting is *equal* to the best if the whole interval of its paired difference is smaller than what
-is worth it, *worse* if the whole interval is larger, and *unknown* else: too few runs are no
-equality. The intervals are Student's. Bonferroni's rule shares 1 - confidence among the settings
-and the LOOKS, so all of them hold together, at whichever look a study ends. An unknown setting is
-no longer undecided when its difference is known to half of what is worth it: one on the very edge
-would take runs for ever, and either word is as good.
+The lead over a setting is the mean of the differences on the same seeds, as a share of the
+setting's own mean. A setting is *equal* if the whole interval of the lead is below `within`,
+*worse* if the whole interval is above it, and *unknown* otherwise, because there are too few runs.
 
-A setting is *worse* too if its limit without traffic is behind the best mean by what is worth it.
-No run exceeds the limit, so more runs could tell nothing else.
+The intervals are Student's. A study looks at them up to len(LOOKS) times, for several settings. By
+Bonferroni's rule each look and each setting gets a part of 1 - confidence. So all intervals hold
+together, at whichever look a study ends.
+
+A setting is *undecided* if it is unknown and more runs may show that it is the answer. It is no
+longer undecided when its lead is known to half of `within`: a lead very near to `within` would take
+runs for ever, and it does not matter then which setting is the answer.
+
+A setting is also *worse* if its limit without traffic is behind the best mean by `within`. No run
+exceeds the limit, so more runs could not change that.
 """
 
 import math
@@ -19,7 +24,7 @@ from functools import cached_property
 
 import numpy as np
 
-# `scipy.stats` takes a second to load.
+# Not `scipy.stats`, which takes a second to load.
 from scipy import special
 
 from orchard.study.result import Interval, Standing
@@ -29,10 +34,7 @@ LOOKS = (5, 10, 20, 40, 80)
 
 
 def interval(values: Sequence[float], confidence: float) -> Interval:
-    """Return the mean with its t interval.
-
-    Of one value, or if all are the same, low and high are the mean.
-    """
+    """Return the mean with its t interval. With one value, or equal ones, it has no width."""
     count = len(values)
     mean = float(np.mean(values))
     if count < 2 or np.ptp(values) == 0.0:
@@ -42,7 +44,11 @@ def interval(values: Sequence[float], confidence: float) -> Interval:
 
 
 def _half(deviation: float, count: int, error: float) -> float:
-    """Return half the width of a t interval."""
+    """Return half the width of a t interval.
+
+    `deviation`: standard deviation of the `count` values. `error`: the chance that the interval
+    does not contain the true mean.
+    """
     return float(special.stdtrit(count - 1, 1.0 - error / 2.0)) * deviation / math.sqrt(count)
 
 
@@ -50,18 +56,18 @@ def _half(deviation: float, count: int, error: float) -> float:
 class Comparison:
     """Settings beside the one with the best mean, all on the same seeds."""
 
-    #: Of replications of each setting.
+    #: How many replications each setting has.
     count: int
-    #: A lead below this share is worth nothing.
+    #: A share: with a smaller lead settings count as equally good.
     within: float
     confidence: float
-    #: The chance of each interval not to hold the truth.
+    #: The chance of each interval not to contain the true lead.
     error: float
-    #: Of each setting; as few as possible are wanted.
+    #: Setting -> how many robots it has; of settings that are equally good the fewest are wanted.
     robots: Mapping[int, int]
-    #: By setting, the lead of the best mean, as a share of the setting's own mean.
+    #: Setting -> the lead of the best mean over it, as a share of the setting's own mean.
     ahead: Mapping[int, float]
-    #: The same with its interval; None: the runs do not tell.
+    #: Setting -> the lead with its interval; None: too few runs for an interval.
     leads: Mapping[int, Interval | None]
     #: The setting with the best mean.
     top: int
@@ -70,7 +76,7 @@ class Comparison:
 
     @cached_property
     def best(self) -> int:
-        """The answer: of those that are as good as the best mean, one with the fewest robots."""
+        """The answer: of settings as good as the best mean one with fewest robots."""
         near = []
         for i, lead in self.ahead.items():
             if lead < self.within and i not in self.limited:
@@ -83,13 +89,13 @@ class Comparison:
 
     @property
     def runner_up(self) -> list[int]:
-        """The setting that is next to the answer, if there is one."""
+        """The setting whose mean is nearest to that of the answer, in a list; [] if there is none."""
         others = sorted(self.ahead.keys() - {self.best})
         others.sort(key=self._distance)
         return others[:1]
 
     def _distance(self, i: int) -> float:
-        """Return by how much the lead over a setting differs from that over the answer."""
+        """Return how far the mean of a setting is from that of the answer, as a share."""
         return abs(self.ahead[i] - self.ahead[self.best])
 
     def standing(self, i: int) -> Standing:
@@ -97,9 +103,10 @@ class Comparison:
         if i in self.limited:
             return "worse"
         if i == self.top:
-            # Of the best mean itself nothing is certain while one run is all that there is.
-            has_lead = self.leads[self.best] is not None
-            return "equal" if has_lead else "unknown"
+            # With one run of each, another setting may be the best as well.
+            if self.leads[self.best] is None:
+                return "unknown"
+            return "equal"
         lead = self.leads[i]
         if lead is None:
             return "unknown"
@@ -125,9 +132,8 @@ class Comparison:
         return may_be_best and not self._decides(lead, self.count)
 
     def replications_needed(self) -> int | None:
-        """Return the look at which what is undecided will be decided, if the runs so far tell.
-
-        None: it is later than the last one.
+        """Return after how many replications (a value of LOOKS) all will be decided, if the spread
+        of the runs stays as it is. None: even the last look is too early.
         """
         leads = [self.leads[i] for i in self.undecided]
         for look in LOOKS:
@@ -136,12 +142,15 @@ class Comparison:
         return None
 
     def _decides(self, lead: Interval | None, look: int) -> bool:
-        """Whether so many replications tell whether a lead is worth something.
+        """Whether `look` replications tell on which side of `within` a lead is.
 
-        They do too if they know it to half of `within`, as one interval alone.
+        They also decide if they know it to half of `within`, in an interval that need hold only by
+        itself.
         """
         if lead is None:
+            # Nothing is known of its spread, so the next look is worth trying.
             return True
+        # The standard deviation of the differences.
         deviation = (lead.high - lead.mean) / _half(1.0, self.count, self.error)
         tells = deviation * _half(1.0, look, self.error) < abs(lead.mean - self.within)
         return tells or deviation * _half(1.0, look, 1.0 - self.confidence) <= self.within / 2.0
@@ -158,22 +167,27 @@ def compare(
     limits: Mapping[int, float] | None = None,
     intervals: int | None = None,
 ) -> Comparison:
-    """Compare settings by their values on the same seeds, as many of each.
+    """Compare settings by their values on the same seeds.
 
-    `without_chance`: those of which all seeds give the same. `limits`: the best mean that a setting
-    can have, as far as that is known. `intervals`: of all comparisons of a study, which hold
-    together; None: this is the only one.
+    `samples`: setting -> its value with each seed, as many for each setting. `robots`: as of a
+    Comparison. `is_max`: whether larger values are better. `without_chance`: settings with which
+    all seeds give the same value. `limits`: setting -> the best mean that it can have, if known.
+    `intervals`: how many intervals all comparisons of a study have together, which must all hold;
+    None: this is the only comparison.
 
-    Leads that are the same on all seeds have no spread. They tell as much as signs do, by the sign
-    test: 2 / 2**n must be small.
+    Differences that are the same on all seeds have no spread, and so no t interval. Then they count
+    by the sign test: the chance of n equal signs, 2 / 2**n, must be small enough.
     """
-    sign = 1.0 if is_max else -1.0
+    # So that larger is better.
+    sign = -1.0
+    if is_max:
+        sign = 1.0
     top = max(samples, key=lambda i: sign * float(np.mean(samples[i])))
     error = (1.0 - confidence) / len(LOOKS) / max(1, intervals or len(samples) - 1)
     leads: dict[int, Interval | None] = {}
     ahead: dict[int, float] = {}
     for i, values in samples.items():
-        # The mean is 0 of costs without prices.
+        # Where all prices are 0 the mean cost is 0.
         size = abs(float(np.mean(values))) or 1.0
         differences = sign * np.subtract(samples[top], values) / size
         have_no_chance = {i, top} <= set(without_chance)

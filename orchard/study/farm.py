@@ -1,8 +1,9 @@
-"""The study of a farm: one harvest of each block by the same fleet, one after another.
+"""The study of a farm: the same fleet harvests one block after another.
 
-Each block is studied as an orchard of its own, with seeds of its own. The time of the farm is the
-sum of the means of its blocks and of the transfers; its interval is that of the sum of their
-variances. No robot is seen on its way from one block to the next.
+A block is an orchard with a scenario of its own. A transfer is the fleet's way from one block to
+the next, which is not simulated. Each block is studied by itself, with its own seeds. The time of
+the farm is the sum of the mean times of all blocks and of the transfers. The variances of the
+blocks are added up too, and give its interval.
 """
 
 import math
@@ -40,20 +41,20 @@ class FarmRow:
     """One setting of a farm."""
 
     setting: dict[str, Any]
-    #: One harvest of each block, s, in their order; None: a run of it jammed.
+    #: Block -> the length of its harvest, s; None: a run of it jammed.
     blocks: dict[str, Interval | None]
-    #: Of all blocks, with the transfers, s; None: a run jammed.
+    #: The time of all blocks and transfers, s; None: a run jammed.
     seconds: Interval | None
-    #: Full bins of all blocks.
+    #: The full bins that the fruit of all blocks fills.
     bins: float
-    #: Of the whole time, with the transfers; None: a run jammed.
+    #: `bins` over `seconds`; None: a run jammed.
     bins_per_hour: Interval | None
     replications: dict[str, int]
     standing: Standing
 
     @property
     def mean_seconds(self) -> float:
-        """The time of the farm, s, by the mean; infinity if a run jammed."""
+        """The mean time of the farm, s; infinity if a run jammed."""
         if self.seconds is None:
             return math.inf
         return self.seconds.mean
@@ -64,7 +65,8 @@ class FarmResult:
     """The answer of a farm. `orchard study --summary` writes it as JSON, with these names."""
 
     answer: str
-    #: Of the settings that are as good as the shortest, that with the fewest robots.
+    #: Of the settings whose time is as good as the shortest one, that with the fewest robots; None:
+    #: all jammed.
     best: dict[str, Any] | None
     table: list[FarmRow]
     #: Name -> file.
@@ -98,10 +100,10 @@ def farm_study(
     tell: Callable[[str, StudyResult], None] = lambda name, partial: None,
     is_stopped: Callable[[], bool] = lambda: False,
 ) -> FarmResult:
-    """Study each block of a farm, and return what that says of the farm.
+    """Study each block of a farm, and return the answer for the farm.
 
-    `options`: as of a study; one harvest of each block is asked about, and the budget is shared.
-    `tell` hears the block that is studied, and what is known of it.
+    `options`: as of a study, but for the horizon, which is one harvest of each block; the blocks
+    share the budget. `tell` gets the name of the block that is studied, and its result so far.
 
     Raises ScenarioError or StoreError for what a user can correct; WorkersError, RunFailed or
     StoreFailed if runs cannot be done or kept.
@@ -114,7 +116,7 @@ def farm_study(
         raise ScenarioError(problems)
     results = []
     for block in farm.blocks:
-
+        # The default keeps this block's name for later calls.
         def tell_of_block(partial: StudyResult, name: str = block.name) -> None:
             tell(name, partial)
 
@@ -142,7 +144,8 @@ def with_numbers_of_carriers(
 ) -> dict[str, list[Any]]:
     """Return what varies, with numbers of carriers if the user gives none.
 
-    They are about the numbers that keep the pickers of any block busy.
+    They are all numbers with which the study of a block would begin, and for which each block has
+    room.
     """
     known = as_lists(varied)
     if not is_open(varied):
@@ -176,25 +179,29 @@ def farm_problems(
 def sum_of(parts: Sequence[tuple[Interval, int]], confidence: float) -> Interval:
     """Return the interval of a sum of independent means, by Welch and Satterthwaite.
 
-    `parts`: each mean with its t interval of this confidence, and of how many runs it is.
+    `parts`: each mean with its t interval of this confidence, and the number of its runs.
     """
     mean = sum(part.mean for part, _ in parts)
+    # The variance of the sum of means, and the terms of its degrees of freedom by Satterthwaite.
     variance = 0.0
-    of_freedom = 0.0
+    terms = 0.0
     for part, count in parts:
         half = part.high - part.mean
         if count > 1 and half > 0.0:
-            own = (half / _quantile(count - 1, confidence)) ** 2
-            variance += own
-            of_freedom += own**2 / (count - 1)
+            of_part = (half / _quantile(count - 1, confidence)) ** 2
+            variance += of_part
+            terms += of_part**2 / (count - 1)
     if variance == 0.0:
         return Interval(mean=mean, low=mean, high=mean)
-    half = _quantile(variance**2 / of_freedom, confidence) * math.sqrt(variance)
+    half = _quantile(variance**2 / terms, confidence) * math.sqrt(variance)
     return Interval(mean=mean, low=mean - half, high=mean + half)
 
 
 def _quantile(freedom: float, confidence: float) -> float:
-    """Return half the width of a t interval, in standard deviations of the mean."""
+    """Return half the width of a t interval, in standard deviations of the mean.
+
+    `freedom`: its degrees of freedom.
+    """
     return float(special.stdtrit(freedom, 0.5 + confidence / 2.0))
 
 
@@ -208,8 +215,9 @@ def _result(
     results: Sequence[StudyResult],
     wall_seconds: float,
 ) -> FarmResult:
-    """Return what the studies of all blocks say of the farm."""
+    """Return the answer for the farm. `results`: the study of each block."""
     rows = []
+    # Settings without a run in every block.
     missing = []
     for setting in _settings_in_order(results):
         of_blocks = _rows_of(setting, results)
@@ -244,7 +252,7 @@ def _result(
 
 
 def _settings_in_order(results: Sequence[StudyResult]) -> list[dict[str, Any]]:
-    """Return the settings of which a block has a run or should have one, as the table has them."""
+    """Return all settings that any block was asked about, in the order of the table."""
     settings: list[dict[str, Any]] = []
     for result in results:
         for setting in result.settings_asked:
@@ -259,7 +267,7 @@ def _settings_in_order(results: Sequence[StudyResult]) -> list[dict[str, Any]]:
 
 
 def _rows_of(setting: dict[str, Any], results: Sequence[StudyResult]) -> list[Row]:
-    """Return what the studies of the blocks say of a setting, of those that have a run of it."""
+    """Return the rows of a setting in the studies of the blocks. A block without a run has none."""
     rows = []
     for result in results:
         row = result.row_of(setting)
@@ -271,7 +279,7 @@ def _rows_of(setting: dict[str, Any], results: Sequence[StudyResult]) -> list[Ro
 def _farm_row(
     farm: Farm, setting: dict[str, Any], rows: Sequence[Row], confidence: float
 ) -> FarmRow:
-    """Return what the blocks say of a setting."""
+    """Return the row of a setting. `rows`: of the blocks. The caller sets the standing."""
     blocks = {}
     replications = {}
     parts = []
@@ -313,8 +321,8 @@ def _with(block: FarmBlock, setting: dict[str, Any]) -> Scenario:
 
 
 def _best(farm: Farm, rows: Sequence[FarmRow], within: float) -> FarmRow | None:
-    """Return the answer: of the settings that are as short as the shortest mean but for what is
-    worth nothing, one with the fewest robots. None: all jam.
+    """Return the answer: of the settings whose mean time is at most by `within` above the shortest
+    one, that with the fewest robots. None: all jam.
     """
     shortest = min((row.mean_seconds for row in rows), default=math.inf)
     if shortest == math.inf:
@@ -333,7 +341,8 @@ def _standing(
 ) -> Standing:
     """Return how a setting stands beside the shortest one.
 
-    The interval of the difference is that of two independent sums: on common seeds it is shorter.
+    The interval of their difference is computed as if their runs were independent. They have common
+    seeds, so the true interval is shorter.
     """
     if row is best and len(rows) == 1:
         return "alone"

@@ -23,6 +23,7 @@ from orchard.study.words import counted, interval_words, key_words, setting_word
 from orchard.terminal.exits import FAILED, FINISHED
 from orchard.terminal.output import bar, console, print_error, print_line
 
+# Option that a farm cannot have -> why.
 _NOT_OF_A_FARM = {
     "csv": "has no table of a farm; --summary writes all its figures",
     "picture": "draws one orchard, and a farm's blocks are no one picture; draw each block",
@@ -34,7 +35,7 @@ _GOALS = ("harvest_seconds", "bins_per_hour")
 
 
 def farm_question(chosen: StudyArguments) -> tuple[Farm, Varied]:
-    """Return what a farm is asked. Raises ScenarioError with all that is wrong."""
+    """Return the farm and what varies. Raises ScenarioError with all that is wrong."""
     assert chosen.scenario is not None
     varied, problems = varied_of(chosen.vary or [CARRIERS])
     for name, why in _NOT_OF_A_FARM.items():

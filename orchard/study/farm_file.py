@@ -21,13 +21,14 @@ from orchard.report.limits import with_seed
 
 BLOCKS = "blocks"
 TRANSFER = "transfer_minutes"
-# Keys that the farm may say for all blocks; else its blocks must agree on them.
+# Keys that the farm's file may give for all blocks. Otherwise the blocks must have the same values.
 FLEET = ("pickers", "carriers")
-# What one fleet has in all blocks.
+# Sections of the blocks' scenarios that must be the same, because the same machines work in all.
 MACHINES = ("carrying", "handling")
 MOST_BLOCKS = 50
-MOST_MINUTES = 1440.0
-# The seeds of one block lie so far from those of the next one, that no two runs share one.
+MOST_MINUTES = 1440.0  # a day
+# The first seeds of two blocks differ by so much, so that no two blocks have a run of the same
+# seed.
 SEEDS_OF_A_BLOCK = 1_000_000
 EXAMPLE = "such as {file: top.yaml}"
 
@@ -55,7 +56,10 @@ class Farm:
 
 
 def is_farm(path: Path | None) -> bool:
-    """Whether a file lists blocks. One that cannot be read is none: it is reported elsewhere."""
+    """Whether a file is that of a farm, because it lists blocks.
+
+    A file that cannot be read is none here. It is reported where it is read as a scenario.
+    """
     if path is None or not path.is_file():
         return False
     try:
@@ -66,9 +70,10 @@ def is_farm(path: Path | None) -> bool:
 
 
 def read_farm(path: Path, varied: Sequence[str] = ()) -> Farm:
-    """Return the farm of a file. `varied`: keys that a study gives all blocks.
+    """Return the farm of a file.
 
-    Raises ScenarioError with all that is wrong.
+    `varied`: keys that a study varies; in these the blocks may differ. Raises ScenarioError with
+    all that is wrong.
     """
     return _Reader(path, varied).farm()
 
@@ -86,7 +91,7 @@ class _Reader:
             self._values = values
         self._lines: Lines = lines
         self._problems: list[Problem] = list(repeated)
-        # File, and name, of each block -> its entry in the list, as "blocks.0".
+        # File of a block, and name of a block -> its entry in the list, as "blocks.0".
         self._entry_of_file: dict[Path, str] = {}
         self._entry_of_name: dict[str, str] = {}
 
@@ -106,6 +111,7 @@ class _Reader:
         return Farm(tuple(blocks), transfer)
 
     def _add(self, text: str, path: tuple[str, ...], value: str = "") -> None:
+        """Note a problem. `path`: in the file, as ("blocks", "0", "file")."""
         line = self._lines.get(path, 0)
         self._problems.append(Problem(self._source, text, ".".join(path), value, line))
 
@@ -132,7 +138,7 @@ class _Reader:
         return blocks
 
     def _listed(self) -> list[Any]:
-        """Return the entries of the list of blocks; none if that is no list of so many."""
+        """Return the entries of the list of blocks; [] if it is no list, or not of so many."""
         listed = self._values.get(BLOCKS)
         if isinstance(listed, list) and 2 <= len(listed) <= MOST_BLOCKS:
             return listed
@@ -175,7 +181,7 @@ class _Reader:
         return FarmBlock(printable(name, 40), file, scenario)
 
     def _file(self, entry: Any, at: tuple[str, ...]) -> str | None:
-        """Return the file of a block; None if it has none, or something else is wrong."""
+        """Return the file of a block; None if something is wrong with its entry."""
         if not isinstance(entry, dict) or not isinstance(entry.get("file"), str):
             self._add(f"must be a map with the scenario's file, {EXAMPLE}", at, show(entry))
             return None
@@ -211,7 +217,7 @@ class _Reader:
         return with_seed(scenario, scenario.seed + SEEDS_OF_A_BLOCK * number)
 
     def _disagreements(self, blocks: Sequence[FarmBlock]) -> Iterator[Problem]:
-        """Yield what of the fleet differs between blocks."""
+        """Yield a problem for each part of the fleet that differs between blocks."""
         first = blocks[0]
         for key in (*FLEET, *MACHINES):
             if key in self._varied or (key in FLEET and key in self._values):
@@ -231,7 +237,7 @@ class _Reader:
 
 
 def _of(block: FarmBlock, key: str) -> Any:
-    """Return what a block says of its fleet."""
+    """Return the value of a block for a key of FLEET or MACHINES."""
     if key == "carriers":
         return block.scenario.carrier_count
     return getattr(block.scenario, key)

@@ -1,4 +1,4 @@
-"""How the answer of a study with a deadline is said."""
+"""The answer of a study with a deadline, in words. `orchard.study.finishing` finds it."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ from orchard.study.fleets import Fleet
 from orchard.study.result import Interval, Row, StudyResult
 from orchard.study.words import counted, interval_words
 
-# What would make the limit of each part shorter.
+# Part of an orchard that sets a limit -> what would make this limit shorter.
 REMEDIES = {
     "pickers": "more pickers, shorter shares of rows, or a higher picking_rate",
     "carriers": "more carriers, or faster ones",
@@ -23,7 +23,7 @@ REMEDIES = {
 
 
 def too_early(fastest: Fleet, deadline: Deadline) -> str:
-    """Return why no fleet meets a deadline, and what would."""
+    """Return why no fleet can meet a deadline, and what would help."""
     needed = hours_words(fastest.limit_seconds)
     return (
         f"no fleet finishes {deadline.words}: without traffic even {_fleet_words(fastest)} need"
@@ -35,9 +35,11 @@ def too_early(fastest: Fleet, deadline: Deadline) -> str:
 def finish_answer(
     result: StudyResult, smaller: Sequence[Fleet], trial: Trial, days: WorkDays | None
 ) -> str:
-    """Return the answer: the fleet, its time, how sure it is, its cost, and what smaller ones need.
+    """Return the answer: the fleet, its time, how sure that is, its cost, and what slightly smaller
+    fleets need.
 
-    `smaller`: the fleets with fewer robots of one kind. `days`: of the answer.
+    `smaller`: these fleets. `trial`: how often a fleet must be in time. `days`: the working days of
+    the answer; None without a shift.
     """
     if not result.table:
         return "No setting has been run yet."
@@ -90,9 +92,9 @@ def _best_words(best: Row, result: StudyResult, days: WorkDays | None) -> str:
 
 
 def least_share(in_time: int, count: int, confidence: float) -> float:
-    """Return which share of all harvests is in time at least, with a confidence, 0 to 1.
+    """Return the share of all harvests that is in time at least, with a confidence: 0 to 1.
 
-    It is the lower limit of Clopper and Pearson, if so many of `count` were in time.
+    `in_time` of `count` harvests were. It is the lower limit of Clopper and Pearson.
     """
     if in_time == 0:
         return 0.0

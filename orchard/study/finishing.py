@@ -1,12 +1,17 @@
-"""The cheapest fleet that finishes in time, and how sure that is.
+"""The search for the cheapest fleet that finishes in time: `orchard study` with a deadline.
 
-A fleet is in time if at least so many of its harvests are as the confidence asks: 19 of 20 for
-95 %. It is out as soon as more are late than that allows, by their runs or by their limits.
+A fleet is in time if enough of its harvests are: for a confidence of 95 % 19 of 20 (`Trial`). It is
+out as soon as more harvests are late than that allows. A harvest is late by its run, or already by
+its limit, the shortest time that it can take without traffic.
 
-The search chooses the cheapest fleet that is in time in a few harvests. Then it tries this fleet as
-often as the confidence asks; if it fails, another one is chosen. Fleets are run in the order of
-what the few harvests cost at least, by `orchard.study.fleets`. When one costs as much at least as
-the best so far, or as good as that, all later ones are too dear. All fleets have the same seeds.
+The search has two steps. It first runs FIRST harvests of fleets, and chooses the cheapest fleet
+that is in time in them. Then it runs this fleet as often as the confidence asks. If the fleet
+fails, the first step goes on with the others.
+
+Fleets are run in the order of the least that the first harvests may cost, which follows from their
+limits (`orchard.study.fleets`). When this least cost is not below the cost of the best fleet so
+far, but for a difference that is worth nothing, all later fleets are too dear. All fleets have the
+same seeds.
 """
 
 import time
@@ -33,12 +38,15 @@ from orchard.study.study import row_of
 from orchard.study.words import orchard_words
 from orchard.study.workers import Workers, processes, scheduled
 
-# Harvests after which a fleet may be the answer so far.
+# Harvests of each fleet in the first step of the search. Chosen: few, because many fleets are
+# tried.
 FIRST = 4
-# Harvests of the fleets next to the answer.
+# Harvests of the slightly smaller fleets beside the answer, which only show how much later they
+# are.
 BESIDE = 2
+# s between two partial results.
 REPORT_SECONDS = 0.5
-# Keys that may vary.
+# The keys that may vary with a deadline.
 OF_FLEETS = (PICKERS, CARRIERS)
 
 
@@ -53,9 +61,10 @@ def finish_study(
 ) -> StudyResult:
     """Return the cheapest fleet that finishes in time; without prices the one with fewest robots.
 
-    `varied`: pickers, carriers, or both, and their numbers; no numbers: as many as it takes.
-    `tell` and `is_stopped` are as in `study`. Raises ScenarioError, also if the limit of each
-    fleet misses the deadline; StoreError, WorkersError, RunFailed and StoreFailed as `study` does.
+    `varied`: pickers, carriers, or both -> their numbers; []: as many as it takes. `tell` and
+    `is_stopped` are as in `orchard.study.study.study`. Raises ScenarioError, also if the limit of
+    each fleet misses the deadline; StoreError, WorkersError, RunFailed and StoreFailed as `study`
+    does.
     """
     problems = finish_problems(scenario, varied, deadline, options)
     if problems:
@@ -93,7 +102,7 @@ def finish_problems(
     asked = {key: varied[key] for key in OF_FLEETS if varied.get(key)}
     settings, faults = checked_settings(scenario, asked, replace(options, goal=None))
     for key in OF_FLEETS:
-        # What is wrong with prices is said once.
+        # One problem with prices is enough: the others may follow from it.
         are_prices_wrong = any(fault.path == "prices" for fault in faults)
         if settings and key in varied and not are_prices_wrong:
             faults += free_robots(settings, key)
@@ -123,17 +132,18 @@ def _problems_of_deadline(
 
 @dataclass
 class _Tried:
-    """A fleet that has run."""
+    """A fleet that has runs, or gets some now."""
 
     fleet: Fleet
-    #: In the runs of a study.
+    #: Of its setting among the replications of the search, from 0.
     number: int
+    #: Whether too many harvests are late, or one jammed.
     is_out: bool = False
 
 
 @dataclass
 class _Search:
-    """The search, with what is known so far."""
+    """The search, and what is known so far. `answer`: the best fleet so far, or None."""
 
     scenario: Scenario
     fleets: Fleets
@@ -148,6 +158,7 @@ class _Search:
     notes: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        # s by the clock of the machine: the begin, the last partial result, the end of the budget.
         self.begun = time.time()
         self.reported_at = 0.0
         self.until = self.begun + self.options.budget_seconds
@@ -183,22 +194,22 @@ class _Search:
     # -- the search
 
     def _search(self) -> bool:
-        """Find the answer. Return whether the budget sufficed."""
+        """Find the answer: both steps of the search. Return whether the budget sufficed."""
         candidates = self._candidates()
         has_time = self._choose(candidates)
         while has_time and self.answer is not None:
             has_time = self._try(self.answer, self.trial.replications)
             if not self.answer.is_out:
                 break
-            # It was in time at first only.
+            # The fleet was in time in the first harvests only.
             self.answer = None
             has_time = self._choose(candidates)
         return has_time
 
     def _candidates(self) -> list[Fleet]:
-        """Return the fleets that may be in time by their limits, cheapest first.
+        """Return the fleets that may be in time by their limits, by the least that they may cost.
 
-        If there are none, the one of which the limit is the shortest shows by how much it is late.
+        If there is none, return the fastest fleet: its runs show the user how late it is.
         """
         count = self.trial.replications
         candidates = []
@@ -210,13 +221,13 @@ class _Search:
         return sorted(candidates, key=self._least_cost)
 
     def _least_cost(self, fleet: Fleet) -> float:
-        """Return what the first harvests of a fleet cost at least."""
+        """Return the least that the FIRST harvests of a fleet may cost, as the mean."""
         return self.fleets.least_mean_cost(fleet, FIRST)
 
     def _choose(self, candidates: Sequence[Fleet]) -> bool:
-        """Let the cheapest fleet in the first harvests answer. Return whether the budget sufficed.
+        """Do the first step: set `answer` to the cheapest fleet that is in time in FIRST harvests.
 
-        No fleet answers if none is in time in them.
+        It stays None if there is no such fleet. Return whether the budget sufficed.
         """
         for fleet in candidates:
             if self._is_too_dear(fleet):
@@ -231,8 +242,8 @@ class _Search:
         return True
 
     def _is_too_dear(self, fleet: Fleet) -> bool:
-        """Whether the first harvests of a fleet cost as much as those of the answer at least, or as
-        good as that.
+        """Whether the least cost of a fleet is not below the cost of the answer, but for a
+        difference that is worth nothing.
         """
         if self.answer is None:
             return False
@@ -242,7 +253,10 @@ class _Search:
         return self._least_cost(fleet) >= cost
 
     def _may_be(self, fleet: Fleet) -> bool:
-        """Whether a fleet may be in time: one with more carriers was not late in all harvests."""
+        """Whether a fleet may be in time.
+
+        It is not if it is out, or if the same pickers with more carriers were late in all harvests.
+        """
         for tried in self.tried:
             if tried.fleet is fleet:
                 return not tried.is_out
@@ -254,7 +268,7 @@ class _Search:
         return True
 
     def _tried(self, fleet: Fleet) -> _Tried:
-        """Return a fleet as one that runs."""
+        """Return a fleet among those that run. It is added if it is new."""
         for tried in self.tried:
             if tried.fleet is fleet:
                 return tried
@@ -264,9 +278,10 @@ class _Search:
         return tried
 
     def _try(self, tried: _Tried, count: int) -> bool:
-        """Run harvests of a fleet, at most so many, until it is out. Return whether that is done.
+        """Run harvests of a fleet until there are `count`, or the fleet is out. Return whether the
+        budget sufficed.
 
-        They run in twos, because two that are late are enough for most confidences.
+        At least two run at a time: for most confidences the second late harvest puts a fleet out.
         """
         step = max(2, self.workers.count)
         done = 0
@@ -276,11 +291,12 @@ class _Search:
                 return False
             tried.is_out = self._is_out(tried)
             if not tried.fleet.setting.is_random:
+                # All harvests are the same.
                 break
         return True
 
     def _run_beside(self, answer: _Tried) -> bool:
-        """Run the fleets next to the answer a few times. Return whether that is done."""
+        """Run the slightly smaller fleets a few times. Return whether the budget sufficed."""
         for fleet in self.beside(answer):
             tried = self._tried(fleet)
             if not self.runs.do([tried.number], self.model, BESIDE, self.until):
@@ -289,14 +305,15 @@ class _Search:
         return True
 
     def beside(self, answer: _Tried) -> list[Fleet]:
-        """Return the fleets with fewer pickers, and with fewer carriers, that are next to one.
-
-        Those that may be in time by their limits. The others need no run.
+        """Return the slightly smaller fleets that may be in time by their limits: only these are
+        run.
         """
         return [fleet for fleet in self._smaller(answer) if self.fleets.is_possible(fleet)]
 
     def _smaller(self, answer: _Tried) -> list[Fleet]:
-        """Return the fleets with fewer pickers, and with fewer carriers, that are next to one."""
+        """Return two fleets, as far as there are such: with the next smaller number of pickers, and
+        with one carrier less.
+        """
         fleet = answer.fleet
         pickers = 0
         for crew in self.fleets.crews:
@@ -312,7 +329,7 @@ class _Search:
     # -- what the runs tell
 
     def _records(self, tried: _Tried) -> list[RunRecord]:
-        """Return the runs of a fleet, by seed."""
+        """Return the runs of a fleet, in the order of their seeds."""
         return self.runs.known(tried.number, self.model)
 
     def _late(self, tried: _Tried) -> int:
@@ -320,6 +337,7 @@ class _Search:
         return len(self._records(tried)) - self._in_time(tried)
 
     def _in_time(self, tried: _Tried) -> int:
+        """Return how many harvests of a fleet met the deadline."""
         most = self.fleets.deadline.seconds(tried.fleet.setting)
         in_time = 0
         for record in self._records(tried):
@@ -327,7 +345,7 @@ class _Search:
         return in_time
 
     def _is_out(self, tried: _Tried) -> bool:
-        """Whether more harvests were late, or one jammed, than the confidence allows."""
+        """Whether a harvest jammed, or more were late than the confidence allows."""
         if self.runs.has_jammed(tried.number, self.model):
             return True
         if not tried.fleet.setting.is_random:
@@ -336,9 +354,10 @@ class _Search:
         return self._late(tried) > self.trial.late
 
     def _cost(self, tried: _Tried, first: int | None = None) -> float:
-        """Return what a harvest of a fleet costs, by the mean; without prices its robots.
+        """Return what a harvest of a fleet costs, on average; without prices the number of its
+        robots.
 
-        `first`: of how many harvests; None: of all.
+        `first`: how many harvests count; None: all.
         """
         setting = tried.fleet.setting
         if not self.scenario.prices.are_set:
@@ -427,6 +446,7 @@ class _Search:
         return replace(row, standing=standing, in_time=self._in_time(tried))
 
     def _is_dearer(self, tried: _Tried) -> bool:
+        """Whether there is an answer, and a fleet costs at least as much."""
         return self.answer is not None and self._cost(tried) >= self._cost(self.answer)
 
     def _notes(self) -> list[str]:

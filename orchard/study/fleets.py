@@ -1,14 +1,17 @@
-"""The fleets among which a study with a deadline looks, each with its limit, which needs no run.
+"""The fleets among which a study with a deadline searches, each with its limit.
 
-Without traffic a fleet cannot be faster than its slowest part: the picker with the most to pick,
-all carriers, the bay, or the chargers. So a fleet of which the limit misses the deadline is out.
-What its harvest costs at its limit is the least that it may cost.
+A fleet is a number of pickers and a number of carriers. A crew is a number of pickers. The limit is
+the shortest time that a harvest can take without traffic, s. It needs no run. A fleet cannot be
+faster than its slowest part: the picker with the most to pick, all carriers, the bay, or the
+chargers. So a fleet whose limit is beyond the deadline is out, and what its harvest costs at its
+limit is the least that it may cost.
 
-Where rows or pickers differ, each seed has a limit of its own: that of the picker whose rows take
-longest with this seed. It is much longer than that of mean rows, and needs no run either.
+Where the seed draws how fast rows or pickers are, each seed has a limit too: that of the picker
+whose rows take longest with this seed. It is much longer than the limit in rows that take mean
+times.
 
-Of numbers of pickers that a study chooses itself, those are left out with which the picker with the
-most rows has as many as with a smaller number: they cost more, and are hardly faster.
+If a study chooses the numbers of pickers, it leaves some out: a number with which the largest share
+of rows of a picker is the same as with a smaller number. It costs more, and is hardly faster.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -21,7 +24,7 @@ from statistics import fmean
 from orchard.field.layout import Layout, lay_out
 from orchard.field.picking import picking_speed_of
 from orchard.field.rows import Block
-from orchard.field.scenario import ROW_RULES, Scenario, with_changes
+from orchard.field.scenario import BALANCED, BALANCED_ENDS, Scenario, with_changes
 from orchard.plans.jobs import handover_seconds
 from orchard.report.bounds import Bounds, load_out_seconds
 from orchard.report.limits import full_bins, in_mean_rows, limit_of_question, with_seed
@@ -37,7 +40,7 @@ from orchard.study.settings import (
 )
 
 PICKERS = "pickers"
-# The parts of which the limit hangs on what varies, or on the seed.
+# The parts of an orchard whose limit depends on the number of robots, or on the seed.
 OF_ROBOTS = (PICKERS, CARRIERS)
 MOST_PICKERS = 60
 LEAST_PICKERS = 2
@@ -49,9 +52,9 @@ class Fleet:
 
     setting: Setting
     limit_seconds: float
-    #: The part that sets this limit.
+    #: The part of the orchard that sets this limit.
     part: str
-    #: The least that it may cost: all that is paid, or without prices the number of robots.
+    #: The least that its harvest may cost; without prices the number of robots.
     least_cost: float
 
     @property
@@ -66,11 +69,15 @@ class Fleet:
 
 
 class Crew:
-    """A number of pickers, and the limits of its harvest: those of one carrier too."""
+    """A number of pickers, and the limits of its harvest.
+
+    Its scenario has one carrier: a limit with c carriers divides the time of carriers by c.
+    """
 
     def __init__(self, scenario: Scenario, pickers: int) -> None:
         self.scenario = with_changes(scenario, pickers=pickers, carriers=1)
         self.pickers = pickers
+        # Seed -> the limit of the pickers, s.
         self._of_seeds: dict[int, float] = {}
 
     @cached_property
@@ -83,7 +90,7 @@ class Crew:
 
     @cached_property
     def parts(self) -> dict[str, float]:
-        """How long the harvest takes at least for each part, s: with one carrier."""
+        """Part of the orchard -> how long the harvest takes it at least, s, with one carrier."""
         fruit = full_bins(self._layout)
         seconds = {name: fruit / rate for name, rate in self._bounds.terms.items()}
         seconds |= load_out_seconds(self._layout, fruit)
@@ -91,9 +98,8 @@ class Crew:
             times = self._bounds.of_pickers[name]
             metres = sum(self._layout.lane(row).length for row in block.rows)
             bins = self._bins_in(metres, block)
-            # After the last bin it need not go on.
-            of_a_bin = times.picking + times.crossing + times.waiting
-            alone = bins * of_a_bin - times.crossing - times.waiting
+            # After its last bin the picker need not go on, so it neither crosses nor waits.
+            alone = bins * times.of_picker - times.crossing - times.waiting
             seconds["pickers"] = max(seconds["pickers"], alone)
         return seconds
 
@@ -106,8 +112,7 @@ class Crew:
     def _seconds_of_shares(self, seed: int) -> Iterator[float]:
         """Yield for each picker how long its rows of a seed take at least, s.
 
-        After the last bin it need not go on. For each other one it crosses the roads, and is handed
-        an empty bin.
+        After each bin but the last one it crosses the roads, and gets an empty bin.
         """
         scenario = with_seed(self.scenario, seed)
         for name, block in self._layout.blocks.items():
@@ -123,6 +128,7 @@ class Crew:
 
     def _bins_in(self, metres: float, block: Block) -> float:
         """Return how many bins some metres of row fill."""
+        # Without `bin_metres` each row fills one bin.
         return metres / (self.scenario.bin_metres or metres / len(block.rows))
 
     def limit_of_seed(self, carriers: int, seed: int) -> float:
@@ -143,7 +149,7 @@ class Crew:
 
 
 class Fleets:
-    """All fleets of a question. `pickers`, `carriers`: their numbers; none: as it takes."""
+    """All fleets among which the question of a user lets a study choose."""
 
     def __init__(
         self,
@@ -152,7 +158,9 @@ class Fleets:
         pickers: Sequence[int | None],
         carriers: Sequence[int | None] | None,
     ) -> None:
-        """`carriers`: None if they are those of the scenario."""
+        """`pickers`, `carriers`: the numbers to try; []: as many as it takes. `carriers` is None if
+        the number of the scenario is asked for.
+        """
         self.scenario = scenario
         self.deadline = deadline
         self.is_open = not pickers
@@ -162,11 +170,12 @@ class Fleets:
             numbers = [number for number in pickers if number]
         self.crews = [Crew(scenario, number) for number in sorted(numbers)]
         self.carriers = carriers
+        # Numbers of pickers and carriers -> the fleet; None: the orchard has no room for it.
         self._known: dict[tuple[int, int], Fleet | None] = {}
 
     @cached_property
     def fleets(self) -> list[Fleet]:
-        """The fleets of which the limit meets the deadline: the cheapest ones first."""
+        """The fleets of which the limit meets the deadline, by the least that they may cost."""
         meeting: list[Fleet] = []
         for crew in self._crews_in_time():
             meeting += filter(self.is_possible, self._fleets_of(crew))
@@ -177,17 +186,17 @@ class Fleets:
         return fleet.limit_seconds <= self.deadline.seconds(fleet.setting)
 
     def least_late(self, fleet: Fleet, count: int) -> int:
-        """Return how many of the first harvests of a fleet are late at least, by their limits."""
+        """Return how many of the first `count` harvests must be late, by their limits."""
         most = self.deadline.seconds(fleet.setting)
         return sum(seconds > most for seconds in self._limits_of_seeds(fleet, count))
 
     def least_mean_cost(self, fleet: Fleet, count: int) -> float:
-        """Return what the first harvests of a fleet cost at least, as the mean."""
+        """Return the mean of what the first `count` harvests of a fleet cost at least."""
         limits = self._limits_of_seeds(fleet, count)
         return fmean(self._least_cost(fleet.setting, seconds) for seconds in limits)
 
     def _limits_of_seeds(self, fleet: Fleet, count: int) -> list[float]:
-        """Return the limit of each of the first harvests of a fleet, s."""
+        """Return the limits of the first `count` harvests of a fleet, s."""
         if not _rows_are_drawn(fleet.setting.scenario):
             return [fleet.limit_seconds] * count
         crew = self.crew(fleet.pickers)
@@ -195,7 +204,7 @@ class Fleets:
         return [crew.limit_of_seed(fleet.carriers, first + number) for number in range(count)]
 
     def crew(self, pickers: int) -> Crew:
-        """Return a crew of the question."""
+        """Return the crew with this number of pickers."""
         (crew,) = [crew for crew in self.crews if crew.pickers == pickers]
         return crew
 
@@ -207,6 +216,7 @@ class Fleets:
         return self._known[key]
 
     def _fleet(self, pickers: int, carriers: int) -> Fleet | None:
+        """Return a new fleet; None if the orchard has no room for it."""
         varied = {PICKERS: [pickers], CARRIERS: [carriers]}
         settings, _ = settings_of(self.scenario, varied)
         if not settings:
@@ -228,10 +238,12 @@ class Fleets:
                 yield fleet
 
     def _crews_in_time(self) -> Iterator[Crew]:
-        """Yield the crews that may be in time, if they have as many carriers as it takes."""
+        """Yield the crews that may be in time with as many carriers as it takes."""
         if not self.is_open:
+            # The user's numbers are few, and each is asked for.
             yield from self.crews
             return
+        # More pickers are faster, so once one is in time all larger ones are.
         first = _first(self.crews, self._may_be_in_time)
         yield from self.crews[first:]
 
@@ -240,19 +252,20 @@ class Fleets:
 
     def _numbers_of_carriers(self, crew: Crew) -> list[int]:
         """Return the numbers of carriers that a study tries with a crew."""
+        # The number that a scenario has which says none.
         usual = crew.scenario.model_copy(update={"carriers": None}).carrier_count
         if self.carriers is None:
             return [self.scenario.carriers or usual]
         if self.carriers:
             return [number or usual for number in self.carriers]
         most = most_carriers(crew.scenario)
-        # With so many carriers they do not limit what pickers and the bay allow.
+        # With so many carriers they are as fast as pickers and the bay.
         busy = crew.parts[CARRIERS] / crew.without_carriers
         last = min(most, ceil(MORE * busy) + 1)
         return list(range(min(most, max(1, floor(FEWER * busy))), last + 1))
 
     def _least_cost(self, setting: Setting, seconds: float) -> float:
-        """Return the least that the harvest of a setting may cost in so many s, or its robots."""
+        """Return the least that a harvest in so many seconds may cost; else its robots."""
         if not setting.has_prices:
             return setting.robots
         bins = lay_out(setting.scenario).bins
@@ -260,20 +273,22 @@ class Fleets:
 
 
 def _worth_trying(scenario: Scenario) -> list[int]:
-    """Return the numbers of pickers of which each shortens the longest share of rows."""
+    """Return the numbers of pickers to try: of those with the same largest share of rows the least.
+
+    Shares are not compared where rows or pickers differ, or another rule gives the rows.
+    """
     most = min(MOST_PICKERS, scenario.rows)
     numbers = range(LEAST_PICKERS, most + 1)
     are_alike = not scenario.picker_rates and not _pickers_are_drawn(scenario)
-    is_balanced = (
-        scenario.rows_to_pickers in ROW_RULES[:2] and scenario.survey is None and are_alike
-    )
+    has_equal_shares = scenario.rows_to_pickers in (BALANCED, BALANCED_ENDS)
+    is_balanced = has_equal_shares and scenario.survey is None and are_alike
     possible = []
     for number in numbers:
         if is_possible(scenario, {PICKERS: number, CARRIERS: 1}):
             possible.append(number)
     if not is_balanced:
         return possible
-    # The longest share of rows -> the least number of pickers that has it.
+    # The largest share of rows of a picker -> the least number of pickers with it.
     shares: dict[int, int] = {}
     for number in possible:
         shares.setdefault(ceil(scenario.rows / number), number)
@@ -281,6 +296,7 @@ def _worth_trying(scenario: Scenario) -> list[int]:
 
 
 def _pickers_are_drawn(scenario: Scenario) -> bool:
+    """Whether the seed decides how fast a picker is."""
     return scenario.picking.spread_of_pickers.distribution != "none"
 
 
@@ -290,9 +306,9 @@ def _rows_are_drawn(scenario: Scenario) -> bool:
 
 
 def _first(crews: Sequence[Crew], is_met: Callable[[Crew], bool]) -> int:
-    """Return the place of the first crew for which a rule holds, if it holds for all later ones.
+    """Return the place of the first crew for which a rule holds; len(crews) if it holds for none.
 
-    It asks only a few of them.
+    The rule must hold for all crews after it too. A binary search asks it of a few crews only.
     """
     low = 0
     high = len(crews)

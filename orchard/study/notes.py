@@ -53,7 +53,7 @@ class StudyNotes:
         return [f"{why} a run of {count}, {names}: not in the table"]
 
     def jammed(self, settings: Sequence[int]) -> list[str]:
-        """Return why each of these settings jams: by a fault of an own class, or the robots."""
+        """Return why each of these settings jams: a fault of an own class, or waiting robots."""
         notes = []
         for i in settings:
             why = "some robots wait for ever"
@@ -64,9 +64,9 @@ class StudyNotes:
         return notes
 
     def faulty(self, settings: Sequence[int]) -> list[str]:
-        """Return the first fault of each setting in which an own class failed.
+        """Return the first fault of each setting in which a class of the user's own failed.
 
-        Its figures are those of another rule.
+        The figures of such a setting are not those of the class as it was meant.
         """
         notes = []
         for i in settings:
@@ -94,9 +94,10 @@ class StudyNotes:
     # -- what the figures do not say
 
     def unequal(self, settings: Sequence[int]) -> list[str]:
-        """Return that pickers get unequal shares of the rows, if such shares vary.
+        """Return a note if shares of rows vary, and are unequal in a setting, but the study is
+        about the long run.
 
-        The long run does not see it: there each picker has rows for ever.
+        There each picker has rows for ever, so unequal shares cost nothing.
         """
         is_seen = self.options.horizon == "harvest" or SHARES.isdisjoint(self.varied)
         if is_seen:
@@ -122,7 +123,7 @@ class StudyNotes:
         ]
 
     def part_full(self, scenario: Scenario) -> list[str]:
-        """Return that the bins of one harvest have less fruit than as many full ones."""
+        """Return a note if the bins of one harvest have less fruit than as many full bins."""
         if self.options.horizon == "long" or scenario.bin_metres is None:
             return []
         layout = lay_out(scenario)
@@ -136,14 +137,16 @@ class StudyNotes:
         ]
 
     def rare_truck(self, scenario: Scenario) -> list[str]:
-        """Return what follows if one harvest is over before the truck comes, or somebody leaves."""
+        """Return a note if a harvest is over before the truck comes, or a picker leaves."""
         if self.options.horizon == "long":
             return []
         layout = lay_out(scenario)
         return [*notes_on_truck(layout), *notes_on_absences(layout)]
 
     def heavier_bins(self, scenario: Scenario) -> list[str]:
-        """Return that people pick more fruit where bins are heavier, if their rate counts bins."""
+        """Return a note if the weight of a bin varies, and people's rate counts bins: then people
+        pick more fruit where bins are heavier, which is not meant.
+        """
         key = "crop.kilograms_per_bin"
         is_of_bins = scenario.picking_rate is not None and "picking_rate" not in self.varied
         if key not in self.varied or not is_of_bins:
@@ -163,15 +166,15 @@ def _with_faults(records: Sequence[RunRecord]) -> list[RunRecord]:
 
 
 def no_room(most: int) -> str:
-    """Return that an answer is the last number for another reason than that more gain nothing.
+    """Return a note for an answer with as many carriers as the orchard has room for: `most`.
 
-    `most`: for how many carriers the orchard has room.
+    More might be better.
     """
     return f"the orchard has room for {counted('carriers', most)}, no more"
 
 
 def _has_unequal_shares(layout: Layout, within: float) -> bool:
-    """Whether a picker has more to pick than the mean, by what counts."""
+    """Whether a picker has more metres to pick than the mean, by at least the share `within`."""
     metres = []
     for block in layout.blocks.values():
         metres.append(sum(layout.lane(row).length for row in block.rows))

@@ -17,7 +17,7 @@ class StudyOptions:
     # None: the least cost if the scenario has prices, else the most bins.
     goal: Goal | None = None
     confidence: float = 0.95
-    # As a share: a difference below it is worth nothing.
+    # A share, 0.02 is 2 %: settings that differ by less count as equally good.
     within: float = 0.02
     budget_seconds: float = 300.0
     model: Models = "both"
@@ -27,7 +27,7 @@ class StudyOptions:
     scheduler: str | None = None
     # None: studies.db in the folder of runs.
     store: Path | None = None
-    # Whether what a store of another version holds is forgotten.
+    # Whether the runs in a store of another version of this software are deleted.
     anew: bool = False
 
     @property
@@ -39,7 +39,7 @@ class StudyOptions:
 
     @property
     def confirms(self) -> bool:
-        """Whether the full model checks what the fast one answers. It knows no long run."""
+        """Whether the full model checks the answer of the fast one. It can do no long run."""
         return self.model == "both" and self.horizon == "harvest"
 
     @property

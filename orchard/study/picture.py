@@ -1,8 +1,10 @@
-"""The picture of a study: bins an hour with its band under the bound, and what a bin costs.
+"""The picture of a study: bins an hour with their intervals, below their bounds, and the cost of a
+bin.
 
-The first key with the most numbers runs along the axis. Each combination of other keys is a line
-with a mark of its own, to be read in grey. Values that are no numbers stand side by side, as points
-with their intervals.
+Along the horizontal axis are the values of one key that varies: the one with the most numbers. The
+settings with the same values of all other keys are a line. Lines differ in marks and dashes too, so
+that they can be told apart in a grey print. If the key has values that are no numbers, the settings
+are points side by side, with error bars.
 """
 
 import io
@@ -30,7 +32,7 @@ from orchard.study.words import axis_words, interval_words, setting_words, value
 
 Array = npt.NDArray[np.float64]
 
-# Colours of words and of axes; on a page the ink is that of the page's words.
+# Colours of words and of axes. On a page INK is replaced by the colour of the page's words.
 INK = "#24301f"
 QUIET = "#5f6958"
 # Colours, marks and dashes of lines. The colours can be read on light and on dark.
@@ -41,16 +43,17 @@ DASHES = ("-", "--", "-.", (0, (5, 1)), (0, (3, 1, 1, 1, 1, 1)), ":")
 WIDTH = 8.0
 HEIGHT = 4.4
 HEIGHT_WITH_COST = 6.6
-# Between the points of two lines at one value that is no number, as a share of the way to the next.
+# Distance of the points of two lines at the same value that is no number, as a share of the
+# distance of two values.
 DODGE = 0.16
-# Times the least cost, up to which costs are shown.
+# Costs are shown up to this many times the least one.
 DEAREST = 3.0
-# How many values are all named along the axis.
+# Up to so many values are all named along the axis.
 MOST_TICKS = 24
-# How many lines are shown: those with the best settings.
+# At most so many lines are shown: those with the best settings.
 MOST_LINES = 6
 FONTS = ["system-ui", "DejaVu Sans", "sans-serif"]
-# Of each kind of picture: what has made it. An SVG has no date.
+# Kind of file -> its metadata: they name the maker. Without a date an SVG is the same each time.
 METADATA: dict[str, dict[str, Any]] = {
     "png": {"Software": MAKER},
     "svg": {"Creator": [MAKER], "Date": None},
@@ -61,8 +64,9 @@ DRAWING = threading.Lock()
 
 @dataclass(frozen=True)
 class Curve:
-    """The settings that differ only in the key along the axis."""
+    """A line of the picture: settings that differ only in the key along the axis."""
 
+    #: Their common values of the other keys.
     rest: dict[str, Any]
     #: In the order of the axis.
     rows: list[Row]
@@ -115,8 +119,8 @@ class Content:
 
     @cached_property
     def lines(self) -> list[Curve]:
-        """The lines, at most MOST_LINES of them: those that reach most of the goal."""
-        # By the values of all other keys, which may be sections.
+        """The lines, at most MOST_LINES of them: those with the best values of the goal."""
+        # By the values of all other keys, as text: a section of a scenario cannot be a key.
         curves: dict[str, Curve] = {}
         for row in sorted(self.result.table, key=self.place):
             rest = {key: row.setting.get(key) for key in self.others}
@@ -126,7 +130,7 @@ class Content:
         return [curve for curve in curves.values() if curve in best]
 
     def _reached(self, line: Curve) -> float:
-        """Return how near a line comes to the goal; less is nearer."""
+        """Return the best value of the goal on a line, less is better; inf if all jammed."""
         nearest = inf
         for row in line.known:
             figure = getattr(row, self.result.goal)
@@ -148,7 +152,8 @@ class Content:
         return float(self.values.index(value))
 
     def look(self, number: int) -> LineLook:
-        """Return how a line is drawn. `number`: of the line, from 0 on."""
+        """Return how a line is drawn. `number`: of the line, from 0."""
+        # The points of all lines at a value are centred on it.
         aside = 0.0
         if not self.is_numeric:
             middle = (len(self.lines) - 1) / 2
@@ -267,7 +272,9 @@ def _draw_costs(axes: Axes, content: Content) -> None:
     for number, line in enumerate(content.lines):
         _draw_figures(axes, content, line, content.look(number), "cost_per_bin")
     costs = [row.cost_per_bin.mean for row in content.result.table if row.cost_per_bin is not None]
-    axes.set_ylim(0.0, 1.1 * min(max(costs), DEAREST * min(costs)) or 1.0)
+    # A tenth of space above. Where all costs are 0 an axis up to 1 is drawn.
+    top = 1.1 * min(max(costs), DEAREST * min(costs))
+    axes.set_ylim(0.0, top or 1.0)
 
 
 def _draw_figures(axes: Axes, content: Content, line: Curve, look: LineLook, name: str) -> None:
@@ -388,10 +395,11 @@ def save_futures(
     shares: Mapping[float, float],
     decided: float | None,
 ) -> None:
-    """Draw the futures of moments.
+    """Draw the futures that `orchard fork --futures` has made from some moments of a run.
 
     `rates`: moment, min -> the bins an hour of its futures. `shares`: moment, min -> the share of
-    its futures that end well. `decided`: the last good moment, min, if any. Raises as `save` does.
+    its futures that end well. `decided`: the last moment, min, from which they do; None: there is
+    none. Raises as `save` does.
     """
     drawing = Figure(figsize=(WIDTH, HEIGHT), layout="constrained")
     top, beneath = drawing.subplots(2, 1, sharex=True, height_ratios=[2, 1])
@@ -445,6 +453,8 @@ def inline_svg(result: StudyResult) -> str:
 def inline_drawing(drawing: Figure, title: str) -> str:
     """Return a drawing as an element of a page, in the colour of the page's words."""
     svg = _file_of(drawing, "svg").decode()
+    # A page wants the element alone, as wide as its place, with a label for readers of the screen,
+    # and in its own colours.
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r' width="[\d.]+pt" height="[\d.]+pt"', ' role="img"', svg, count=1)
@@ -455,7 +465,7 @@ def inline_drawing(drawing: Figure, title: str) -> str:
 def _file_of(drawing: Figure, kind: str) -> bytes:
     """Return a drawing as the bytes of a file, the same each time.
 
-    An SVG has its words as text, and no date. Its metadata name the program.
+    The words in an SVG are text, and not outlines of letters.
     """
     settings: dict[Any, Any] = {
         "svg.fonttype": "none",

@@ -1,5 +1,8 @@
-"""The replications of a study's settings: which runs are planned, and what the store or the workers
-gave.
+"""The replications of a study's settings: which runs are needed, and their results.
+
+A result is in the store already, or a worker does the run. Settings are numbered from 0, and `i` is
+such a number. Replication n of a setting has the scenario's seed plus n, so that all settings have
+the same seeds.
 """
 
 import time
@@ -20,10 +23,7 @@ from orchard.study.workers import Workers, WorkersError
 
 @dataclass
 class Replications:
-    """The runs of all settings, which are numbers from 0.
-
-    Replication n has the same seed in all of them.
-    """
+    """The runs of all settings."""
 
     settings: Sequence[Setting]
     goal: Goal
@@ -32,12 +32,13 @@ class Replications:
     workers: Workers
     #: Is called after each run.
     heard: Callable[[], None]
+    #: Whether the user has stopped the study.
     is_stopped: Callable[[], bool]
     #: By the key of the run.
     records: dict[str, RunRecord] = field(default_factory=dict)
-    #: By model, the time in which workers did runs, s, with their start and all that they wait for.
+    #: By model, how long this study waited for its runs, s: workers start, and work side by side.
     worked_seconds: dict[Model, float] = field(default_factory=lambda: defaultdict(float))
-    #: By model, the runs that they did in this time.
+    #: By model, the runs that workers did in this time.
     runs_done: Counter[Model] = field(default_factory=Counter)
     #: Setting and model -> its runs by seed.
     _planned: dict[tuple[int, Model], list[PlannedRun]] = field(default_factory=dict)
@@ -45,10 +46,11 @@ class Replications:
     # -- doing runs
 
     def do(self, settings: Iterable[int], model: Model, count: int, until: float) -> bool:
-        """Have so many replications of each of these settings done, the first seeds first.
+        """Have `count` replications of each of these settings done, the first seeds first.
 
-        Those that the store has are not done again. A setting without chance has one. Return
-        whether all are done. Raises WorkersError or RunFailed if they cannot be done.
+        Those that are in the store are not done again. A setting without chance needs only one.
+        `until`: the end of the budget, as time.time(). Return whether all are done. Raises
+        WorkersError or RunFailed if they cannot be done.
         """
         runs = self._plan(settings, model, count)
         self.records |= self.store.known(key for key in runs if key not in self.records)
@@ -57,6 +59,7 @@ class Replications:
         begun = time.time()
         work = partial(do, until=until)
         for _, record in self.workers.do(work, remaining, lambda: self.goes_on(until)):
+            # None: the run was given up at the end of the budget.
             if record is not None:
                 self.runs_done[model] += 1
                 self._keep(record)
@@ -66,7 +69,7 @@ class Replications:
         return runs.keys() <= self.records.keys()
 
     def _plan(self, settings: Iterable[int], model: Model, count: int) -> dict[str, PlannedRun]:
-        """Return so many runs of each of these settings, by key."""
+        """Return `count` runs of each of these settings: key of the run -> run."""
         runs: dict[str, PlannedRun] = {}
         for i in settings:
             setting = self.settings[i]
@@ -95,10 +98,11 @@ class Replications:
         return time.time() < until and not self.is_stopped()
 
     def seconds_for(self, settings: Sequence[int], model: Model, more: float) -> float:
-        """Return about how long so many more replications of each of these settings take.
+        """Return about how long `more` further replications of each of these settings take, s.
 
-        The runs of this study tell it: workers must start, and wait for a busy machine. A store
-        knows only how long runs took by themselves. The larger figure is nearer to what is to come.
+        There are two estimates of a run, and the larger one counts: how long runs took by
+        themselves, divided among the workers; and how long this study waited for each run, which
+        includes the start of workers and a busy machine.
         """
         took = [record.wall_seconds for record in self.records.values() if record.model == model]
         seconds_of_run = 0.0
@@ -134,7 +138,7 @@ class Replications:
         return sorted(violations)
 
     def value(self, i: int, record: RunRecord) -> float:
-        """Return what a run says of the goal."""
+        """Return the value of the goal in a run."""
         if self.goal == "cost_per_bin":
             rate = record.bins_per_hour
             return self.settings[i].cost_per_bin(rate, record.counted_bins) or 0.0
@@ -143,7 +147,7 @@ class Replications:
         return shown_rate(self.settings[i], record)
 
     def limit(self, i: int, record: RunRecord) -> float:
-        """Return the best value of the goal that the limit without traffic allows a run."""
+        """Return the best value of the goal that the limit without traffic allows in a run."""
         rate = record.bound_bins_per_hour
         if self.goal == "cost_per_bin":
             return self.settings[i].cost_per_bin(rate, record.counted_bins) or 0.0
@@ -152,11 +156,11 @@ class Replications:
         return self.settings[i].limit.bins_per_hour
 
     def sample(self, i: int, model: Model, count: int) -> list[float]:
-        """Return the values of the goal by seed."""
+        """Return the values of the goal in the first `count` replications, by seed."""
         return [self.value(i, record) for record in self.first_records(i, model, count)]
 
     def first_records(self, i: int, model: Model, count: int) -> list[RunRecord]:
-        """Return the records of so many first seeds.
+        """Return the records of the first `count` replications.
 
         The one run of a setting without chance stands for all seeds.
         """
@@ -177,17 +181,18 @@ def shown_rate(setting: Setting, record: RunRecord) -> float:
     return rate
 
 
-# Replications by the full model of each setting that is checked.
+# Replications by the full model of each setting that is checked, and the number below which a note
+# warns that they are too few.
 CHECKS = 5
-# A note says if there are fewer.
 LEAST_CHECKS = 3
 
 
 def confirmed(
     replications: Replications, settings: Sequence[int], confidence: float, until: float
 ) -> tuple[dict[int, Check], list[str]]:
-    """Have the full model harvest some settings, on the seeds of the fast model, as far as the time
-    allows. Return the check of each setting that has a run, and notes.
+    """Have the full model do harvests of some settings, with the seeds of the fast model.
+
+    Return the check of each setting that got a run before `until`, and notes for the reader.
     """
     replications.do(settings, "full", CHECKS, until)
     checks = {}
@@ -200,13 +205,14 @@ def confirmed(
 
 
 def _check(replications: Replications, i: int, confidence: float) -> Check:
-    """Return what the full model says of a setting that has a run by it."""
+    """Return the check of a setting, from its runs by both models. It has one by the full model."""
     setting = replications.settings[i]
     full = replications.known(i, "full")
     fast = replications.known(i, "fast")
     if not setting.is_random:
         # Its one run stands for all seeds.
         fast = fast * len(full)
+    # As the table shows them; and as they were, of the seeds that both models have.
     rates = []
     full_rates = []
     fast_rates = []

@@ -1,4 +1,7 @@
-"""The report of a study: one HTML file that holds all of it, for a reader without anything else."""
+"""The report of a study: one HTML file that holds everything, to be sent to somebody else.
+
+The template is report.html in this folder.
+"""
 
 import json
 import shlex
@@ -69,7 +72,7 @@ def page(**parts: Any) -> str:
 
 
 def _made(result: StudyResult) -> dict[str, Any]:
-    """Return how the study was made, in words, by what they are about."""
+    """Return how the study was made: label -> words."""
     varied = {}
     for key, values in result.varied.items():
         varied[f"{key_words(key)} tried"] = ", ".join(value_words(value, key) for value in values)

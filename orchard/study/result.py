@@ -1,15 +1,20 @@
-"""What a study found, as data: the settings in a table, the best among them, and the answer in two
-sentences.
+"""What a study found, as data: the settings in a table, the best of them, and the answer in two
+sentences. `orchard study --summary` writes it as JSON, and the page shows it.
 """
 
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-# `proven`, which only benchmarks have: what is proven of the shortest harvest.
+# The model that does a run. fast: the event model. full: the simulator. proven, in benchmarks only:
+# the time that is proven of the shortest harvest.
 Model = Literal["fast", "full", "proven"]
 Models = Literal["fast", "full", "both"]
+# What a run is: one harvest, or the long run of a harvest that goes on.
 Horizon = Literal["harvest", "long"]
+# Why a study made no more replications: the answer is certain, the budget is used, all replications
+# were made, or the user stopped it.
 StoppedBy = Literal["certain", "budget", "seeds", "stopped"]
+# See `Row.standing`.
 Standing = Literal["best", "equal", "worse", "unknown", "alone", "jammed"]
 Goal = Literal["bins_per_hour", "cost_per_bin", "harvest_seconds"]
 
@@ -18,7 +23,7 @@ Goal = Literal["bins_per_hour", "cost_per_bin", "harvest_seconds"]
 class Interval:
     """A mean with its confidence interval.
 
-    `low` and `high` are the mean if all replications gave the same.
+    `low` and `high` are equal to the mean if all replications gave the same value.
     """
 
     mean: float
@@ -32,13 +37,13 @@ class BreakEven:
 
     #: pickers or carriers.
     key: str
-    #: Which robot it is: the last of so many, beside the fewer ones of another setting.
+    #: Two settings are compared: one with so many robots of this kind, and one with `fewer`.
     number: int
     fewer: int
     #: In the currency of the prices, for each hour in which it works.
     per_hour: Interval
-    #: The same as the price of a machine that is bought, for so many years of so many hours. None:
-    #: the scenario does not say them.
+    #: The same as the price of a machine that is bought, and works for `years` of `hours_per_year`.
+    #: None: the scenario does not say these.
     price: Interval | None = None
     years: float | None = None
     hours_per_year: float | None = None
@@ -46,12 +51,11 @@ class BreakEven:
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """What the full model (the simulator) says of a setting, on common seeds with the fast
-    model.
-    """
+    """The result of the full model (the simulator) for a setting, with seeds of the fast model."""
 
     bins_per_hour: Interval
-    #: Full over fast, on these seeds, as a share of the fast model's mean: 0.01 is 1 %.
+    #: The full model's rate less the fast model's on these seeds, as a share of the latter: 0.01 is
+    #: 1 % more.
     difference: float
     replications: int
     jammed: int
@@ -71,30 +75,35 @@ class Row:
     # Replications in which robots waited for ever, or too few carriers came to a picker; all other
     # figures are of the rest.
     jammed: int
-    # Full bins, in rows that take their mean times, so that no run exceeds the bound. None: every
-    # replication jammed. The two figures below are of the bins and the rows as they were.
+    # Full bins, in rows that take their mean times, so that no run exceeds the bound. The two
+    # figures below are of the bins and the rows as they were. None: every replication jammed.
     bins_per_hour: Interval | None
     harvest_seconds: Interval | None
     cost_per_bin: Interval | None  # None too if the scenario has no prices
-    #: How long a picker stands until it has an empty bin, by the mean.
+    #: How long a picker stands until it has an empty bin, on average.
     picker_waiting_seconds: float
     #: Share of the time outside the queue, 0 to 1.
     carrier_utilisation: float
-    # What this policy and route allow without traffic, whatever the seed: orchard.report.limits.
+    # The limit without traffic with this policy and route, whatever the seed:
+    # orchard.report.limits.
     bound_bins_per_hour: float
     bottleneck: str
-    #: best: the answer, for each combination of what nobody chooses. The others are beside the best
-    #: mean. unknown: the runs do not tell. alone: nothing that can be chosen varies.
+    #: best: the answer; there is one for each combination of values that nobody can choose, such as
+    #: the number of people. Others are compared with the setting of the best mean. equal, worse:
+    #: for certain. unknown: too few runs. alone: nothing that can be chosen varies. jammed: a run
+    #: did.
     standing: Standing
-    # By how much the best mean is ahead, as a share of this one's; all hold together; None: not
-    # known.
+    # By how much the best mean is ahead, as a share of the mean of this setting. The intervals of
+    # all rows hold together, with the study's confidence. None: not known.
     lead: Interval | None
-    #: The same without an interval: one run tells it. None: this is the best mean, or it jammed.
+    #: The same without an interval, which is known after one run. None: this is the best mean, or
+    #: it jammed.
     behind: float | None = None
     check: Check | None = None
-    #: No harvest without traffic is shorter; None: it is not about harvests, or nothing is proven.
+    #: It is proven that no harvest without traffic is shorter, s. None: nothing is proven, or the
+    #: study is about the long run.
     proven_seconds: float | None = None
-    #: What is paid for what, for a bin, by the mean: the names of `orchard.report.costs.PAYMENTS`.
+    #: What a bin costs, on average: key of `orchard.report.costs.PAYMENTS` -> amount.
     paid: dict[str, float] = field(default_factory=dict)
     #: How many of the replications were done by the deadline; None: there is none.
     in_time: int | None = None
@@ -106,16 +115,16 @@ class StudyResult:
 
     #: In two sentences.
     answer: str
-    #: What of it does not vary, in words.
+    #: The values of the orchard that do not vary, in words.
     orchard: str
-    # Of the settings that are as good as the best mean, that with the fewest robots; None: all
-    # jammed.
+    # The answer: of the settings that are as good as the best mean, that with the fewest robots.
+    # None: all jammed, or something varies that nobody can choose (`given`).
     best: dict[str, Any] | None
     table: list[Row]
     goal: Goal
     horizon: Horizon
-    confidence: float  # 0.95
-    #: A difference below this share is worth nothing: 0.02.
+    confidence: float  #: 0 to 1
+    #: A share: settings that differ by less count as equally good.
     within: float
     scenario: dict[str, Any]
     #: What varies -> its values, in the order of the command line.
@@ -123,12 +132,13 @@ class StudyResult:
     wall_seconds: float
     #: Why no more replications were made.
     stopped_by: StoppedBy
-    #: Settings that more runs may show to be the answer.
+    #: Settings of which more runs may show that they are the answer.
     undecided: list[dict[str, Any]]
-    #: About how much longer that takes, or a run of each setting that has none. None: longer than a
-    #: study goes on, or nothing is undecided.
+    #: About how long it takes to decide that; or, if settings have no run, to run each of them
+    #: once. None: more replications than a study makes, or nothing is undecided.
     seconds_needed: float | None
-    #: Key -> a value that was not tried, and may be better: the best has the last one that was.
+    #: Key -> a value beyond the range that was tried. It may be better, because the best setting
+    #: has the last value of this range.
     beyond: dict[str, Any]
     #: What the budget did not allow, what jammed, where fast and full model disagree.
     notes: list[str]
@@ -137,8 +147,8 @@ class StudyResult:
     violations: list[str] = field(default_factory=list)
     #: Settings that are asked for, and have no run yet. One of them may be the best.
     not_run: list[dict[str, Any]] = field(default_factory=list)
-    #: The keys with several values that nobody chooses. Then `best` is None: each combination of
-    #: them has a best row of its own, if anything can be chosen.
+    #: The keys with several values that nobody can choose, such as the number of people. With such
+    #: keys `best` is None: each combination of their values has a best row.
     given: list[str] = field(default_factory=list)
     #: What the last robots of the best setting may cost, and one more.
     break_even: list[BreakEven] = field(default_factory=list)
@@ -163,7 +173,7 @@ class StudyResult:
 
     @property
     def equal_settings(self) -> list[dict[str, Any]]:
-        """The settings that are as good as the best mean, for certain."""
+        """The settings with the standing "equal"."""
         return [row.setting for row in self.table if row.standing == "equal"]
 
     @property
@@ -188,5 +198,5 @@ class StudyResult:
 
     @property
     def compared(self) -> list[str]:
-        """The keys with several values, or all keys if none has. The answer names the others."""
+        """The keys with several values, or all keys if none has several."""
         return [key for key, values in self.varied.items() if len(values) > 1] or list(self.varied)

@@ -1,5 +1,8 @@
-"""One run of a study: one setting with one seed by one model, in one process; what came out is a
-flat record.
+"""One run of a study: one setting with one seed by one model, in one worker process.
+
+Its result is a flat record, which the store keeps. The key of a record is a digest of everything
+that decides the result: the scenario, the seed, the model, the version of this software, and the
+source of the user's own classes. So a run of the same key need not be done again.
 """
 
 import ast
@@ -40,14 +43,15 @@ from orchard.report.metrics import HarvestFigures, harvest_figures
 from orchard.sim.engine import Engine
 from orchard.study.result import Horizon, Model
 
-# Bins an hour; the limits are for what comes from a store.
+# Bins an hour, the least rate of a run that has not jammed. These limits find damage in a store.
 LEAST_RATE = 1e-6
 Amount = Annotated[float, Meta(ge=0.0, lt=1e12)]
-# Of the solver for a bound: at most some 8 s.
+# Work of the solver for a proof (`orchard.optimum.schedule`): at most about 8 s.
 WORK = 2.0
+# "violated": an invariant of the simulator did not hold.
 Ended = Literal["harvested", "jammed", "violated"]
 
-# Packages that, with two files, decide what a run gives.
+# The packages that decide the result of a run, with local.py and this file.
 DECIDING = (
     "behaviour",
     "contract",
@@ -60,7 +64,8 @@ DECIDING = (
     "report",
     "sim",
 )
-# Keys of the scenario: the seed has a column of its own, and the others change no run.
+# Keys of the scenario that are not in its digest: the seed has a column of its own in the store,
+# and the others change no run.
 NOT_DECIDING = (
     "seed",
     "prices",
@@ -83,7 +88,7 @@ class PlannedRun:
 
     @cached_property
     def key(self) -> str:
-        """The digest of all that decides what the run gives."""
+        """The digest of all that decides the run's result."""
         return key_of_run(
             scenario=self.scenario_digest,
             seed=self.scenario.seed,
@@ -109,7 +114,7 @@ class PlannedRun:
     def do(self, until: float) -> "RunRecord | None":
         """Do the run in this process.
 
-        Return None if a full one is not over at `until`, as time.time().
+        Return None if a run of the simulator is not over at `until`, a time of time.time().
         """
         begun = time.perf_counter()
         outcome: RunResult | None
@@ -139,23 +144,26 @@ class PlannedRun:
 class RunResult:
     """How a run went.
 
-    Of a jammed run the bins, the time, the rate, the wait and the utilisation mean nothing.
+    In a jammed run only the bound, the bottleneck, `ended`, `violations` and `faults` have a
+    meaning.
     """
 
     sim_seconds: Amount = 0.0
     bins: Annotated[int, Meta(ge=0)]
-    # Of bins that may be part full; in a long run of full ones, in rows that take their mean times.
+    # Of one harvest: of its bins, which may be part full. Of a long run: of full bins, in rows that
+    # take their mean times.
     bins_per_hour: Amount = 0.0
     picker_waiting_seconds: Amount = 0.0
     carrier_utilisation: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
-    # By `bottleneck`, without traffic: of its own rows; of a long run, of rows of mean times.
+    # The limit without traffic, which `bottleneck` sets. Of one harvest: of the rows of its seed.
+    # Of a long run: of rows that take their mean times.
     bound_bins_per_hour: Annotated[float, Meta(ge=LEAST_RATE, lt=1e12)]
     bottleneck: str
     ended: Ended
-    # A line for each.
+    # Of invariants, a line for each.
     violations: str = ""
-    # A line for each: of own classes, refused orders and broken agents; why a run by the fast model
-    # jammed.
+    # Of own classes, a line for each: refused orders and broken agents. If the fast model jammed:
+    # why.
     faults: str = ""
 
     @property
@@ -187,7 +195,7 @@ class RunRecord(RunResult):
 
     @property
     def counted_bins(self) -> int | None:
-        """The bins of a whole harvest; None of a long run, which is a part of one."""
+        """The bins of a whole harvest; None for a long run, which has no last bin."""
         if self.horizon == "long":
             return None
         return self.bins
@@ -208,8 +216,9 @@ class RunRecord(RunResult):
 
 
 class RunFailed(Exception):
-    """A run raised an error, as one with an own class may do: the text says which run, what, and
-    where.
+    """A run raised an error, as a class of the user's own may do.
+
+    The text says which run, which error, and where.
     """
 
 
@@ -220,7 +229,7 @@ def do(run: PlannedRun, until: float) -> RunRecord | None:
         return run.do(until)
     except PolicyFault as fault:
         raise RunFailed(f"{name}: {fault}") from None
-    # SystemExit is among them: it would end the study, and say nothing.
+    # SystemExit is among MISTAKES: it would end the worker, and say nothing.
     except MISTAKES as error:
         reraise_ctrl_c(error)
         raise RunFailed(
@@ -243,8 +252,8 @@ def digest(*parts: object) -> str:
 
 @cache
 def software() -> str:
-    """Return the version of this software, with a digest of the files that decide what a run gives:
-    "0.1.0+1f3a9c2b".
+    """Return the version of this software, with a digest of the files that decide the result of a
+    run: "0.1.0+1f3a9c2b".
     """
     root = Path(inspect.getfile(orchard)).parent
     files = [root / "local.py", Path(__file__)]
@@ -253,7 +262,7 @@ def software() -> str:
     content = hashlib.sha256()
     for file in files:
         content.update(file.read_bytes())
-    # `run.py` allows that it is not installed.
+    # In a clone that is not installed, as for `run.py`, there is no version.
     release = "clone"
     with suppress(PackageNotFoundError):
         release = version("orchard-sim")
@@ -286,8 +295,8 @@ def _fast(scenario: Scenario, horizon: Horizon) -> RunResult:
 
 
 def _proven(scenario: Scenario) -> RunResult:
-    """Return what is proven of the shortest harvest, as if it were one."""
-    # It is an extra, and takes half a second to load.
+    """Return what is proven of the shortest harvest, in the form of a run for the store."""
+    # OR-tools is in an extra, and takes half a second to load.
     from orchard.optimum.schedule import optimum
 
     layout = lay_out(scenario)
@@ -304,9 +313,9 @@ def _proven(scenario: Scenario) -> RunResult:
 
 
 def _full(scenario: Scenario, until: float) -> RunResult | None:
-    """Return how a harvest goes in the simulator; None if the clock is at `until` before it ends.
+    """Return how a harvest goes in the simulator; None if it has not ended at the time `until`.
 
-    It has no hash.
+    The run computes no hash, so that it is faster.
     """
     local = Local(scenario, is_hashed=False)
     engine = local.engine
@@ -365,8 +374,9 @@ def own_source(classes: tuple[tuple[str, str], ...]) -> tuple[bytes, ...]:
         if key not in Scenario.model_fields:
             field = f"agents.{key}"
         load_plugin(field, path)
+    # A class is named as "package.module.Class" or "package.module:Class".
     modules = [path.replace(":", ".").rpartition(".")[0] for _, path in classes]
-    # The package of an own class that is installed as a library is the user's too.
+    # A package with an own class counts as the user's even if it is installed as a library.
     packages = {_top_package(module) for module in modules}
     contents: dict[str, bytes] = {}
     while modules:
@@ -383,16 +393,17 @@ def _top_package(module: str) -> str:
 
 
 def _package_of(module: str, file: Path) -> str:
-    """Return the package of a module: to it the dots of an import refer."""
+    """Return the package in which a module stands: relative imports start from it."""
     if file.stem == "__init__":
         return module
     return module.rpartition(".")[0]
 
 
 def _file(module: str, packages: set[str]) -> Path | None:
-    """Return the file of a module if it is the user's. `packages`: those that are.
+    """Return the file of a module; None if it is not the user's.
 
-    A library is not even looked into, because that would import it.
+    `packages`: the user's packages. A module of a library is not looked for, because to find a
+    submodule Python imports its package.
     """
     package = _top_package(module)
     with suppress(ImportError, ValueError):
@@ -418,7 +429,7 @@ def _origin(module: str) -> str:
 
 
 def _imported(source: bytes, package: str) -> Iterator[str]:
-    """Yield what a source may import: each name with its packages, as a, a.b and a.b.c."""
+    """Yield the modules that a source may import: for "import a.b.c" a, a.b and a.b.c."""
     for node in ast.walk(ast.parse(source)):
         for name in _names_imported(node, package):
             yield from accumulate(name.split("."), "{}.{}".format)
@@ -433,7 +444,8 @@ def _names_imported(node: ast.AST, package: str) -> Iterator[str]:
         try:
             module = resolve_name("." * node.level + (node.module or ""), package)
         except ImportError:
-            # It leads out of all packages. Such an import fails, and the module may do without.
+            # The dots lead out of all packages. Such an import fails, and the module may handle
+            # that.
             return
         yield module
         for alias in node.names:

@@ -1,6 +1,7 @@
 """The settings of a study: each combination of the values that vary, as a scenario.
 
-Here stands what `--vary KEY=VALUES` means, and which numbers of carriers an open study tries.
+This module also reads the option `--vary KEY=VALUES`, and chooses numbers of carriers for an open
+study. A study is open if the user gives no numbers of carriers: it tries as many as it takes.
 """
 
 import json
@@ -25,13 +26,15 @@ from orchard.report.limits import full_bins, limit_of_question
 from orchard.terminal.values import value_of
 
 MOST_SETTINGS = 10_000
-# Values that have one fault.
+# How many values a message about a fault of several values names.
 MOST_NAMED = 3
 SEED = "seed"
 CARRIERS = "carriers"
 
+# FIRST..LAST or FIRST..LAST..STEP.
 _RANGE = re.compile(r"(-?\d{1,9})\.\.(-?\d{1,9})(?:\.\.(\d{1,9}))?")
 
+# Dotted path of a scenario -> its values in the settings; no values: the study chooses them.
 Varied = dict[str, list[Any]]
 
 
@@ -69,7 +72,7 @@ class Setting:
         return scenario.work_is_drawn or has_chance or has_noise
 
     def seeds_that_differ(self, count: int) -> int:
-        """Return how many of so many seeds can give a result of their own."""
+        """Return how many of `count` seeds can give different results: 1 without chance."""
         if self.is_random:
             return count
         return 1
@@ -81,7 +84,9 @@ class Setting:
 
     @cached_property
     def full_share(self) -> float:
-        """The fruit of one harvest in full bins, as a share of all its bins."""
+        """The full bins that the fruit of one harvest fills, as a share of its bins, which may be
+        part full.
+        """
         layout = lay_out(self.scenario)
         return full_bins(layout) / layout.bins
 
@@ -89,7 +94,8 @@ class Setting:
     def days(self) -> WorkDays | None:
         """The days of its harvests; None if there is no shift.
 
-        A job takes as long whatever the number of carriers, so fleets share the limit of one.
+        Only the longest job of a carrier matters, and that is the same for any number of carriers.
+        So it is taken from the limit with one carrier, which is computed once for all settings.
         """
         if not self.scenario.shift.is_set:
             return None
@@ -102,9 +108,9 @@ class Setting:
         return self.scenario.prices.are_set
 
     def payments(self, bins_per_hour: float, bins: int | None = None) -> dict[str, float]:
-        """Return what is paid for what, for a bin, at a rate: what -> amount.
+        """Return what a bin costs at a rate: key of a payment -> amount (`orchard.report.costs`).
 
-        `bins`: those of one harvest; None: of the long run.
+        `bins`: of one harvest; None: the rate is that of the long run.
         """
         if bins is None:
             return payments_of_long_run(self.scenario, bins_per_hour, self.days)
@@ -147,9 +153,9 @@ FORM = (
 def varied_of(
     words: Sequence[str], open_keys: Sequence[str] = (CARRIERS,)
 ) -> tuple[Varied, list[Problem]]:
-    """Return what `--vary` options say, as dotted path -> its values, and all faults of their form.
+    """Return what `--vary` options say, and all faults of their form.
 
-    `open_keys`: those that may stand alone. Then they have no values.
+    `open_keys`: keys that may be given without values.
     """
     varied: Varied = {}
     problems = []
@@ -183,7 +189,7 @@ def _values(text: str) -> list[Any]:
     if not values:
         for part in text.split(","):
             values += _values_of_part(part)
-    # So many values are refused anyway, and comparing them would take long.
+    # More values are refused later anyway, and comparing all of them would take long.
     if len(values) <= MOST_SETTINGS:
         for number, value in enumerate(values):
             if value in values[:number]:
@@ -192,7 +198,10 @@ def _values(text: str) -> list[Any]:
 
 
 def _json_values(text: str) -> list[Any]:
-    """Return the values of JSON, which may have commas, as sections do; none if it is not JSON."""
+    """Return the values of a text that is a JSON list without its brackets; none if it is not.
+
+    A JSON value may have commas in it, as a section does: {"a": 1, "b": 2}.
+    """
     try:
         return list(json.loads(f"[{text}]"))
     except (ValueError, RecursionError):
@@ -223,9 +232,8 @@ def _values_of_part(part: str) -> list[Any]:
 def settings_of(
     scenario: Scenario, varied: Mapping[str, Sequence[Any]]
 ) -> tuple[list[Setting], list[Problem]]:
-    """Return each combination of the values that is a scenario, in order.
-
-    Also returns what is wrong with the others, each fault once.
+    """Return each combination of the values that is a valid scenario, in order, and what is wrong
+    with the other combinations, each fault once.
     """
     unusable = _unusable(varied)
     if unusable:
@@ -247,6 +255,7 @@ class _Faults:
 
     def __init__(self, varied: Mapping[str, Sequence[Any]]) -> None:
         self._varied = varied
+        # Path and text of a fault -> its problem, and the values that have it.
         self._problems: dict[tuple[str, str], Problem] = {}
         self._values: dict[tuple[str, str], list[str]] = {}
 
@@ -260,12 +269,15 @@ class _Faults:
             self._values[key].append(problem.value)
 
     def _tells_more(self, problem: Problem, known: Sequence[str]) -> bool:
-        """Whether the value of a problem is named too. `known`: those that are named already."""
+        """Whether the message should name the value of a problem too.
+
+        `known`: the values that it names already.
+        """
         if problem.text.startswith("unknown key"):
             return False
         if problem.path in self._varied:
             return problem.value not in known
-        # A problem of no key that varies names one setting, with one value.
+        # A fault at another key does not come from one value. One example is enough.
         return not known
 
     def problems(self) -> list[Problem]:
@@ -277,7 +289,7 @@ class _Faults:
 
 
 def _together(values: Sequence[str]) -> str:
-    """Return some values that have one fault, and how many more have it."""
+    """Return the first values that have a fault, and how many more have it, in words."""
     words = ", ".join(values[:MOST_NAMED])
     more = len(values) - MOST_NAMED
     if more > 0:
@@ -304,9 +316,8 @@ def _unusable(varied: Mapping[str, Sequence[Any]]) -> list[Problem]:
 def _placed(
     problem: Problem, setting: dict[str, Any], varied: Mapping[str, Sequence[Any]]
 ) -> Problem:
-    """Return a problem of a setting with the `--vary` to which it belongs.
-
-    If it belongs to none, it has the whole setting.
+    """Return a problem of a setting with its source: the option `--vary` that has its key, or else
+    the whole setting.
     """
     if problem.path in varied:
         source = _option(varied, problem.path)
@@ -328,19 +339,21 @@ def _option(varied: Mapping[str, Sequence[Any]], keys: str) -> str:
 
 # -- the numbers of carriers that an open study tries
 #
-# First come those about the bound's, then more until the answer lies inside.
+# The limit without traffic says how many carriers keep pickers and unloading busy. First come
+# numbers about that one, then more, until the answer lies inside the range that was tried.
 
-# What varies if a study is told nothing.
+# What varies if the user does not say it: an open study.
 ALL_IT_TAKES: Mapping[str, Sequence[Any]] = MappingProxyType({CARRIERS: ()})
-# Times the number in question, between which numbers are tried.
+# The first numbers are from FEWER times to MORE times that number. Chosen.
 FEWER = 0.5
 MORE = 1.5
-# In which they come up to that number; those next to the answer follow.
+# The distance between two of them is that number divided by STEPS, at least 1.
 STEPS = 4
 
 
 def most_carriers(scenario: Scenario) -> int:
     """Return for how many carriers the orchard has room."""
+    # The first place at which there is no room: number n stands at place n - 1.
     numbers = range(1, MOST_CARRIERS + 1)
     return bisect_left(numbers, True, key=partial(_lacks_room, scenario))
 
@@ -369,15 +382,14 @@ def as_lists(varied: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
 
 
 def first_numbers(scenario: Scenario) -> list[int]:
-    """Return the numbers to begin with.
-
-    They lie about that which keeps pickers and unloading busy if there is no traffic.
+    """Return the numbers of carriers to begin with: about that which keeps pickers and unloading
+    busy without traffic.
     """
     most = most_carriers(scenario)
     try:
         terms = limit_of_question(with_changes(scenario, carriers=1)).terms
     except ScenarioError:
-        # It is of an own class, and reported elsewhere.
+        # An own class is wrong. `orchard.study.checking` reports it.
         return [scenario.carrier_count]
     busy = min(most, ceil(min(terms["pickers"], terms["unloading"]) / terms["carriers"]))
     step = max(1, busy // STEPS)
@@ -387,9 +399,12 @@ def first_numbers(scenario: Scenario) -> list[int]:
 
 
 def more_numbers(tried: Sequence[int], answer: int, most: int) -> list[int]:
-    """Return the numbers to try as well, so that the answer lies inside and has its neighbours.
+    """Return further numbers to try, so that the answer lies inside and both its neighbours are
+    tried.
 
-    Each halves the gap below the answer. When there is no gap, the number above follows.
+    One number halves the gap below the answer. If there is no gap it is the number above the
+    answer. Others go on to MORE times the answer. `answer`: the best number so far. `most`: for how
+    many carriers there is room.
     """
     below = max((number for number in tried if number < answer), default=0)
     neighbour = (below + answer) // 2

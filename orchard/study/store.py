@@ -1,6 +1,7 @@
-"""The store of a study: an SQLite file with a row for each run.
+"""The store of a study: an SQLite file with a row for each run (`RunRecord`).
 
-What is there, and sound, is never run again.
+A run that is in it, and not damaged, is never done again. A store belongs to one version of this
+software, because another version may give other results.
 """
 
 import os
@@ -16,11 +17,11 @@ import msgspec
 from orchard.folders import regular
 from orchard.study.runs import RunRecord, software
 
-# "ORCH": in the file's head, it tells a store from other databases.
+# "ORCH" as a number. It stands in the head of the file, and tells a store from other databases.
 APPLICATION = 0x4F524348
 # s to wait for another study that writes to the same store.
 PATIENCE = 30.0
-# Of a statement; SQLite allows so many everywhere.
+# Values in one statement, at most. SQLite allows at least 999 in all its versions.
 MOST_PARAMETERS = 500
 COLUMNS = [field.name for field in fields(RunRecord)]
 
@@ -47,7 +48,7 @@ class Store:
         `anew`: forget the runs of a store of another version. Raises StoreError.
         """
         self.path = path
-        # Key of a run that was asked for, and that cannot be what a run gave -> why.
+        # Key of a run that was asked for, and whose row cannot be right -> why.
         self.damaged: dict[str, str] = {}
         try:
             self._prepare(anew)
@@ -63,6 +64,7 @@ class Store:
         if not self.path.exists():
             self.path.parent.mkdir(parents=True, exist_ok=True)
             empty = self._made()
+            # A link fails if another study has made the file meanwhile; then that one is used.
             with suppress(FileExistsError):
                 os.link(empty, self.path)
             empty.unlink()
@@ -70,6 +72,7 @@ class Store:
         if fault:
             raise StoreError(f"{self.path}: {fault}")
         if _version(self.path) != software():
+            # It may be forgotten. SQLite's files beside it belong to the old store.
             empty = self._made()
             for rest in ("-wal", "-shm"):
                 self.path.with_name(self.path.name + rest).unlink(missing_ok=True)
@@ -78,7 +81,7 @@ class Store:
     def _made(self) -> Path:
         """Write an empty store under another name, and return its path.
 
-        It is put in its place when it is whole, so that no study sees half of one.
+        The caller puts it in its place when it is complete, so that no study sees half a store.
         """
         half = self.path.with_name(f"{self.path.name}.{os.getpid()}")
         try:
@@ -110,9 +113,9 @@ class Store:
         self._database.close()
 
     def known(self, keys: Iterable[str]) -> dict[str, RunRecord]:
-        """Return those of these runs that are there, by key.
+        """Return the runs with these keys that are in the store: key -> run.
 
-        A damaged one is noted in `damaged`. Raises StoreFailed.
+        A damaged one is left out, and noted in `damaged`. Raises StoreFailed.
         """
         wanted = list(keys)
         records: dict[str, RunRecord] = {}
@@ -130,7 +133,7 @@ class Store:
         return records
 
     def keep(self, record: RunRecord) -> None:
-        """Keep a run, in place of one with its key, which was damaged or the same.
+        """Keep a run. It replaces a row with the same key, which is damaged or equal.
 
         Raises StoreFailed.
         """
@@ -141,9 +144,9 @@ class Store:
         )
 
     def _do(self, statement: str, values: list[Any], fault: str) -> list[tuple[Any, ...]]:
-        """Execute a statement, and return its rows. Raises StoreFailed with this fault.
+        """Execute a statement, and return its rows. Raises StoreFailed with the text `fault`.
 
-        `statement`: with a place for the names of the columns, and one for a `?` a value.
+        `statement`: has two places, {}: for the names of all columns, and for a `?` for each value.
         """
         columns = ", ".join(COLUMNS)
         places = ", ".join("?" * len(values))
@@ -167,6 +170,7 @@ def fault_of(path: Path, anew: bool) -> str:
 
 
 def _text(content: bytes) -> str | bytes:
+    """Return a text of the database. Bytes that are no text stay: then the row is damaged."""
     try:
         return content.decode()
     except UnicodeDecodeError:
@@ -174,7 +178,7 @@ def _text(content: bytes) -> str | bytes:
 
 
 def _version(path: Path) -> str | None:
-    """Return of which version a store is; None if the file is none, or cannot be read."""
+    """Return the version of a store; None if the file is no store, or cannot be read."""
     try:
         address = f"{regular(path).absolute().as_uri()}?mode=ro&immutable=1"
         with closing(sqlite3.connect(address, uri=True)) as database:

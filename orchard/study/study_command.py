@@ -50,7 +50,7 @@ LOST = (
     "stdout could not be written, so the answer is lost; the runs are kept, and the same command"
     " prints it at once"
 )
-# A context in which runs may fail, or cannot be kept.
+# A context that prints these errors, and exits with the code FAILED.
 failures = partial(exit_on_errors, WorkersError, RunFailed, StoreFailed, code=FAILED)
 
 
@@ -91,9 +91,10 @@ def run_study(chosen: StudyArguments) -> int:
 
 
 def tell_if_lost() -> bool:
-    """Say on stderr if stdout has lost an answer. Return whether stdout has it.
+    """Say on stderr if stdout could not be written, so that the answer is lost. Return True if it
+    is not lost.
 
-    The warning of the first loss may be minutes old, and says that the run goes on.
+    There was a warning at the first loss, but it may be minutes old, and says that the run goes on.
     """
     if not is_answer_lost():
         return True
@@ -102,7 +103,7 @@ def tell_if_lost() -> bool:
 
 
 def _question(chosen: StudyArguments) -> tuple[Scenario, Varied]:
-    """Return what is asked. Raises ScenarioError with all that is wrong."""
+    """Return the scenario and what varies. Raises ScenarioError with all that is wrong."""
     scenario, faults = read_scenario(chosen.scenario)
     options = _options(chosen)
     words = chosen.vary or [CARRIERS]
@@ -122,9 +123,10 @@ def _question(chosen: StudyArguments) -> tuple[Scenario, Varied]:
 
 
 def _may_follow(problem: Problem, faults: Sequence[Problem]) -> bool:
-    """Whether a problem of a setting may follow from a fault in the file.
+    """Whether a problem of a setting may follow from a fault in the scenario's file, so that the
+    fault alone is reported.
 
-    It may if it names the same value, or a part of it.
+    It may if it names the same value, a part of it, or a section that has it.
     """
     if problem.file.startswith("--vary"):
         return False
@@ -137,18 +139,19 @@ def _may_follow(problem: Problem, faults: Sequence[Problem]) -> bool:
 
 
 def _is_part(path: str, whole: str) -> bool:
-    """Whether a dotted path is another one, or below it. An empty path is the whole file."""
+    """Whether a dotted path is `whole` or lies below it. An empty `whole` is the whole file."""
     return not whole or f"{path}.".startswith(f"{whole}.")
 
 
 def _options(chosen: StudyArguments) -> StudyOptions:
-    """Return how the study is done. An option that is wrong has its default."""
+    """Return how the study is done. An option whose value is wrong has its default."""
     names = {field.name for field in fields(StudyOptions)}
     values = {}
     for argument, value in vars(chosen).items():
         name = NAMES.get(argument, argument)
         if name in names and not isinstance(value, Problem):
             values[name] = value
+    # The default depends on another option.
     if values.get("horizon") is None:
         values["horizon"] = "long"
         if chosen.deadline is not None:
@@ -157,7 +160,7 @@ def _options(chosen: StudyArguments) -> StudyOptions:
 
 
 def _files(chosen: StudyArguments) -> dict[Path, Save]:
-    """Return the files that are wanted, with what writes each of them."""
+    """Return the files that are wanted, each with the function that writes it."""
     wanted: dict[Path | None, Save] = {
         chosen.summary: _save_summary,
         chosen.csv: save_csv,
@@ -173,7 +176,10 @@ def _save_summary(result: StudyResult, path: Path) -> None:
 
 
 def _save_by(module: str, result: StudyResult, path: Path) -> None:
-    """Save a result by a module that is loaded now: matplotlib takes half a second."""
+    """Write a result by the function `save` of a module of this package.
+
+    The module is imported only now: it loads matplotlib, which takes half a second.
+    """
     import_module(f"orchard.study.{module}").save(result, path)
 
 
@@ -188,6 +194,7 @@ def _unwritten(files: dict[Path, Save], result: StudyResult) -> Iterator[Path]:
 
 
 def _print(result: StudyResult, as_json: bool) -> None:
+    """Print the answer, its tables and its notes; or all of it as one line of JSON."""
     if as_json:
         _tell_json(result)
         return
@@ -203,11 +210,13 @@ def _print(result: StudyResult, as_json: bool) -> None:
 
 
 def _tell_json(result: StudyResult) -> None:
+    """Print a result as a line of JSON."""
     console.print(json.dumps({"study": asdict(result)}), markup=False, soft_wrap=True)
 
 
 @contextmanager
 def _progress(chosen: StudyArguments) -> Iterator[Callable[[StudyResult], None]]:
+    """Yield a function that shows a partial result: in a bar, or as a line of JSON."""
     if chosen.progress == "json":
         yield _tell_json
         return

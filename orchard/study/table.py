@@ -30,9 +30,9 @@ MARKS: dict[Standing, str] = {
     "alone": "",
     "jammed": "",
 }
-# Standing -> how its row is shown in a terminal.
+# Standing -> the style of its row in a terminal.
 STYLES: dict[Standing, str] = {"best": "bold"}
-# Sentences of the legend.
+# Sentences of the legend, with places for texts: see `legend`.
 LEGEND_OF_MARKS = (
     "* the {answer}; = within {within:g} % of the best, for certain; ? the runs do not tell."
 )
@@ -62,7 +62,7 @@ KNOWN_OF_JAMMED = ("bins/h", "bound", "limit", "checked")
 WRAPPED = ("bins/h", "harvest, s", "a bin", "behind, %", "bound", "optimum, s", "checked")
 
 
-# -- the cells of a row
+# -- the cells of a row: words, "" if there is no figure
 
 
 def _harvest(row: Row) -> str:
@@ -118,6 +118,7 @@ def _in_time(row: Row) -> str:
 
 
 def _interval(interval: Interval | None) -> str:
+    """Return an interval as '84.1 ±0.6', narrower than in a sentence; '' for None."""
     return interval_words(interval, sign=" ±")
 
 
@@ -145,7 +146,7 @@ def _proven(row: Row) -> str:
 
 
 def _checked(row: Row) -> str:
-    """Return what the simulator says of a setting, and how far the fast model is from it."""
+    """Return the rate in the simulator, and by how much it differs from the fast model's."""
     check = row.check
     if check is None:
         return ""
@@ -177,6 +178,7 @@ COLUMNS: dict[str, Callable[[Row], str]] = {
 
 def heads_and_lines(result: StudyResult) -> tuple[list[str], list[list[str]]]:
     """Return the heads of the columns, and the lines. `legend` explains their marks."""
+    # Head -> the cells of all rows.
     columns: dict[str, list[str]] = {}
     for key in result.compared:
         columns[key_words(key)] = [value_words(row.setting[key], key) for row in result.table]
@@ -280,9 +282,8 @@ def _has_choices(result: StudyResult) -> bool:
 
 
 def _unasked(result: StudyResult) -> list[str]:
-    """Return the columns that tell nothing new.
-
-    They are a harvest's length if the goal is its rate, and `behind` where no setting is compared.
+    """Return the heads of columns to leave out: the length of a harvest if the goal is the rate,
+    which says the same, and `behind` where no settings are compared.
     """
     unasked = []
     if result.goal == "bins_per_hour" and not result.deadline:
@@ -293,11 +294,11 @@ def _unasked(result: StudyResult) -> list[str]:
     return unasked
 
 
-# -- what is paid for what
+# -- payments: what the cost of a bin consists of
 
 
 def payment_lines(row: Row) -> list[tuple[str, str, str]]:
-    """Return what is paid for what, by the mean: in words, its amount for a bin, and its share."""
+    """Return for each payment its words, its mean amount for a bin, and its share of all."""
     whole = sum(row.paid.values())
     lines = []
     for purpose, amount in row.paid.items():
@@ -309,7 +310,7 @@ def payment_lines(row: Row) -> list[tuple[str, str, str]]:
 
 
 def payments_table(row: Row) -> Table:
-    """Return the table of what is paid for what with a setting."""
+    """Return the table of the payments for a bin with a setting, for a terminal."""
     table = Table(box=SIMPLE_HEAD, padding=0, show_edge=False)
     table.add_column(f"paid with {setting_words(row.setting)}", overflow="fold")
     table.add_column("a bin", justify="right")
@@ -341,17 +342,18 @@ def save_csv(result: StudyResult, path: Path) -> None:
 
 
 def _figures(row: Row) -> dict[str, Any]:
-    """Return the figures of a row by name. Those of the setting are columns of their own.
+    """Return the figures of a row: name -> figure. Each value of the setting is a figure too.
 
-    `_flat` leaves out what is None.
+    The key `setting` itself is None, which `_flat` leaves out.
     """
     return row.setting | asdict(row) | {"share_of_bound": _share(row), "setting": None}
 
 
 def _flat(figures: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield what is known of figures, by column.
+    """Yield the column and the value of each figure that is not None.
 
-    The mean in `bins_per_hour` is in `bins_per_hour_mean`.
+    A figure with parts has a column for each: `bins_per_hour_mean` has the mean of `bins_per_hour`.
+    `before`: the names that lead there, as "bins_per_hour_".
     """
     for name, value in figures.items():
         if isinstance(value, dict):

@@ -1,8 +1,8 @@
-"""The workers that do the runs of a study.
+"""The workers that do the runs of a study: processes on this machine, or the workers of a
+dask.distributed scheduler.
 
-They are an executor of processes on this machine, or that of a dask.distributed scheduler. Both do
-work in any order and lose none of it when a worker dies. So what a study decides may depend on
-whole rounds of work only.
+Runs end in any order, and those of a worker that dies are done again. So a study must not decide by
+which runs ended first: it waits until all runs that it has asked for are done.
 """
 
 import os
@@ -30,15 +30,15 @@ from typing import Any, TypeVar, cast
 from orchard.contract.printed import Printed
 
 GLANCE = 0.2  # s between two looks whether to stop
-# Workers that die one after another, without any work done between. Then the work itself kills
-# them.
+# So many workers may die one after another, without any run done between. Then the work itself
+# seems to kill them.
 MOST_DEATHS = 3
 CONNECTING = 10.0  # s to wait for a scheduler
-# Work that waits in an executor for the next worker that is free.
+# Runs that wait in the executor beyond one for each worker, so that a free worker has work at once.
 ONE_AHEAD = 1
-# Environment variable of Python: no folder is put on the path.
+# Environment variable of Python: the folder of the script is not put on the path of modules.
 SAFE_PATH = "PYTHONSAFEPATH"
-# s that the clocks of two machines may be apart: a worker gives up a run of the simulator by its
+# s by which the clocks of two machines may differ. A worker compares the end of the budget with its
 # own clock.
 APART = 2.0
 
@@ -51,10 +51,10 @@ class WorkersError(Exception):
 
 
 class Workers:
-    """So many workers of an executor, which is replaced when it breaks."""
+    """The workers of an executor. When a worker dies the executor is broken, and is replaced."""
 
     def __init__(self, start: Callable[[], Executor], count: int) -> None:
-        """`start`: returns a new executor. `count`: of its workers."""
+        """`start`: returns a new executor. `count`: how many workers it has."""
         self.count = count
         self._start = start
         self.executor = start()
@@ -62,10 +62,10 @@ class Workers:
     def do(
         self, work: Callable[[Item], Result], items: Sequence[Item], goes_on: Callable[[], bool]
     ) -> Iterator[tuple[Item, Result]]:
-        """Yield each item with `work(item)`, in any order, as long as `goes_on`.
+        """Yield each item with `work(item)`, in any order, as long as `goes_on` returns True.
 
-        What a worker had in hand when it died is done again. Raises WorkersError or the work's
-        error.
+        An item whose worker died is done again. Raises WorkersError, or the error that `work`
+        raised.
         """
         remaining = dict(enumerate(items))
         deaths = 0
@@ -88,10 +88,11 @@ class Workers:
     ) -> Iterator[tuple[int, Result]]:
         """Yield the number of each item with its result. Raises BrokenExecutor if a worker dies.
 
-        The executor gets no more than it can begin soon. So nothing has to be cancelled at a stop:
-        the pool of Python 3.11 fails in its own thread if a worker dies then.
+        The executor gets only as much work as it can begin soon, so that nothing need be cancelled
+        when the study stops. With cancelled work the pool of Python 3.11 fails in its own thread if
+        a worker dies then.
         """
-        # A list, because a result takes its item out of the map meanwhile.
+        # A copy, because the caller takes items out of the map meanwhile.
         waiting = iter(list(items.items()))
         pending: dict[Future[Result], int] = {}
         while goes_on():
@@ -110,7 +111,10 @@ class Workers:
 
 @contextmanager
 def processes(count: int | None = None) -> Iterator[Workers]:
-    """Yield so many processes of this machine; None: one for each core."""
+    """Yield workers that are processes of this machine.
+
+    `count`: how many; None: one for each core.
+    """
     number = count or os.cpu_count() or 1
     workers = Workers(partial(_Processes, number), number)
     try:
@@ -120,9 +124,9 @@ def processes(count: int | None = None) -> Iterator[Workers]:
 
 
 class _Processes(ProcessPoolExecutor):
-    """Processes that end at once, whatever they do.
+    """Processes that end at once when the executor is shut down, or when this process dies.
 
-    They end when the executor is shut down, and when this process dies.
+    Each holds one end of a pipe, and ends when this process closes the other end.
     """
 
     def __init__(self, count: int) -> None:
@@ -134,9 +138,9 @@ class _Processes(ProcessPoolExecutor):
             )
 
     def submit(self, *work: Any, **named: Any) -> Any:
-        """Start the processes with the first work.
+        """Submit work. The first work starts the processes.
 
-        They never get Ctrl-C, which is the parent's, not even while they load.
+        Ctrl-C is blocked in them from their start: this process decides what it means.
         """
         before = pthread_sigmask(SIG_BLOCK, {SIGINT})
         try:
@@ -152,9 +156,10 @@ class _Processes(ProcessPoolExecutor):
 
 @contextmanager
 def _own_modules_first() -> Iterator[str | None]:
-    """In this context a process that starts takes Python's own modules, not the user's files.
+    """In this context a process that starts imports Python's own modules before the user's files.
 
-    Else it would take a file random.py in the folder where it starts. Yields the value before.
+    Otherwise a user's file random.py in the folder where it starts would take the place of
+    Python's. Yields the value of the environment variable before, or None.
     """
     before = os.environ.get(SAFE_PATH)
     os.environ[SAFE_PATH] = "1"
@@ -165,6 +170,7 @@ def _own_modules_first() -> Iterator[str | None]:
 
 
 def _set_safe_path(value: str | None) -> None:
+    """Set the environment variable, or remove it for None."""
     if value is None:
         os.environ.pop(SAFE_PATH, None)
     else:
@@ -172,12 +178,14 @@ def _set_safe_path(value: str | None) -> None:
 
 
 def _end_with_parent(alive: Connection, safe_path: str | None) -> None:
-    """In a worker: end as soon as the parent closes its end of the pipe, or is killed.
+    """Prepare a worker process: it is to end as soon as the parent closes its end of the pipe, or
+    dies.
 
-    `safe_path`: of the parent's environment, which what own classes start gets too.
+    `alive`: the worker's end of the pipe. `safe_path`: the value of SAFE_PATH in the parent's
+    environment, which processes that own classes start must get too.
 
-    The parent shows some of what own classes print. What C code writes to the file of stdout is
-    not shown.
+    What own classes print goes to stderr, as far as `Printed` lets it. What C code writes to stdout
+    itself is thrown away.
     """
     _set_safe_path(safe_path)
     sys.stdout = sys.stderr = Printed(partial(print, file=sys.stderr, flush=True))
@@ -186,6 +194,7 @@ def _end_with_parent(alive: Connection, safe_path: str | None) -> None:
 
 
 def _exit_after(alive: Connection) -> None:
+    """End this process when the other end of the pipe is closed. Nothing is ever sent."""
     try:
         alive.recv_bytes()
     except (EOFError, OSError):
@@ -197,15 +206,15 @@ def _exit_after(alive: Connection) -> None:
 
 @contextmanager
 def scheduled(address: str) -> Iterator[Workers]:
-    """Yield the workers of a dask.distributed scheduler, which replaces those that die.
+    """Yield the workers of a dask.distributed scheduler, which replaces workers that die.
 
-    Each has this software, and the user's modules.
+    The user must have installed this software, and the own classes, on each of their machines.
     Raises WorkersError if no scheduler answers, it has no workers, their clocks are wrong, or it
     ends while they work.
     """
     import distributed
 
-    # It has no types.
+    # The package has no types.
     dask = cast(Any, distributed)
     try:
         client = dask.Client(address, timeout=CONNECTING)

@@ -89,7 +89,7 @@ class Comparison:
 
     @property
     def runner_up(self) -> list[int]:
-        """The setting whose mean is nearest to that of the answer, in a list; [] if there is none."""
+        """The setting whose mean is nearest to that of the answer, as a list; [] without one."""
         others = sorted(self.ahead.keys() - {self.best})
         others.sort(key=self._distance)
         return others[:1]

@@ -13,11 +13,13 @@ from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.report.bounds import proven_seconds
 from orchard.report.costs import PAYMENTS
+from orchard.study.answer_words import answer
 from orchard.study.break_even import KnownSetting, break_even_words, break_evens
 from orchard.study.checking import checked_settings
 from orchard.study.comparing import LOOKS, Comparison, compare, interval
 from orchard.study.notes import StudyNotes, no_room
 from orchard.study.options import StudyOptions
+from orchard.study.orchard_words import orchard_words
 from orchard.study.replications import Replications, confirmed, shown_rate
 from orchard.study.result import (
     BreakEven,
@@ -45,7 +47,6 @@ from orchard.study.settings import (
 )
 from orchard.study.spread import number_beyond, spread
 from orchard.study.store import Store
-from orchard.study.words import answer, orchard_words
 from orchard.study.workers import Workers, processes, scheduled
 
 # S between two partial results.

@@ -1,7 +1,7 @@
 """The orchard of a study in words."""
 
 from orchard.field.scenario import Scenario
-from orchard.study.words import orchard_words
+from orchard.study.orchard_words import orchard_words
 
 
 def test_the_answer_says_how_long_carriers_are_away() -> None:

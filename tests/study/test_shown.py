@@ -30,9 +30,11 @@ from rich.console import Console
 
 from orchard.field.scenario import Scenario, check, parse
 from orchard.study import picture, report, table
+from orchard.study.answer_words import answer
+from orchard.study.orchard_words import orchard_words
 from orchard.study.result import StudyResult
 from orchard.study.settings import varied_of
-from orchard.study.words import answer, number_words, orchard_words, value_words
+from orchard.study.words import number_words, value_words
 
 NINE, TEN, ELEVEN = (
     a_row(rate, 0.6, setting=carriers(n)) for n, rate in ((9, 84.1), (10, 84.0), (11, 84.2))

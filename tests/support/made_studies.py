@@ -6,8 +6,8 @@ from typing import Any
 
 from orchard.field.scenario import Scenario
 from orchard.study.comparing import LOOKS, Comparison, compare
+from orchard.study.orchard_words import orchard_words
 from orchard.study.result import Check, Interval, Row, Standing, StudyResult
-from orchard.study.words import orchard_words
 
 
 def interval(mean: float, half: float = 0.0) -> Interval:

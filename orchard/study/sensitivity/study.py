@@ -18,6 +18,7 @@ from orchard.field.scenario import Scenario
 from orchard.report.limits import with_seed
 from orchard.study.checking import checked_settings
 from orchard.study.options import StudyOptions
+from orchard.study.orchard_words import orchard_words
 from orchard.study.replications import Replications
 from orchard.study.result import Goal, Interval, StoppedBy
 from orchard.study.runs import RunRecord, software
@@ -34,7 +35,7 @@ from orchard.study.sensitivity.surrogate import (
 from orchard.study.sensitivity.words import answer
 from orchard.study.settings import Setting, settings_of
 from orchard.study.store import Store
-from orchard.study.words import key_words, orchard_words, setting_words
+from orchard.study.words import key_words, setting_words
 from orchard.study.workers import Workers, processes, scheduled
 
 # s between two reports of progress.

@@ -1,0 +1,101 @@
+"""The orchard of a study in words: everything about it that does not vary."""
+
+from collections.abc import Collection
+
+from orchard.field.scenario import Scenario
+from orchard.study.words import counted
+
+
+def orchard_words(scenario: Scenario, varied: Collection[str] = ()) -> str:
+    """Return the orchard of a study without the keys that vary: '20 rows of 49 m, 10 pickers,
+    one-way, predictive dispatch, 5.5 m from row to row, ...'.
+
+    Speeds and times of handling are named even if they have their defaults. `varied`: the keys.
+    """
+    words = {
+        "pickers": counted("pickers", scenario.pickers) + _rate_words(scenario, varied),
+        "carriers": counted("carriers", scenario.carrier_count),
+        "route": scenario.route,
+        "dispatch": f"{scenario.dispatch} dispatch",
+    }
+    parts = [_rows_words(scenario, varied)]
+    words |= _machine_words(scenario)
+    parts += [phrase for key, phrase in words.items() if key not in varied]
+    return ", ".join(parts)
+
+
+def _machine_words(scenario: Scenario) -> dict[str, str]:
+    """Return spacing, speeds and times of machines: key of the scenario -> words."""
+    handling = scenario.handling
+    row_width = f"{scenario.row_pitch:.4g} m from row to row"
+    if scenario.survey is not None:
+        row_width += " on average"
+    words = {
+        "row_width": row_width,
+        "carrying.speed": f"carriers at {scenario.carrying.speed:g} m/s",
+        "picking.driving_speed": f"pickers that drive at {scenario.picking.driving_speed:g} m/s",
+        "handling.unloading": f"{handling.unloading:g} s at the bay",
+        "handling.coupling": f"{handling.coupling:g} s to couple a bin",
+        "handling.uncoupling": f"{handling.uncoupling:g} s to uncouple it",
+    }
+    if scenario.bays > 1:
+        words["bays"] = f"{scenario.bays} carriers unload at a time"
+    if handling.exchange:
+        words["handling.exchange"] = f"{handling.exchange:g} s with the empty bin"
+    return words | _load_out_words(scenario)
+
+
+def _load_out_words(scenario: Scenario) -> dict[str, str]:
+    """Return the load-out, trailers, truck and empty bins: key of the scenario -> words."""
+    words = _way_words(scenario)
+    trailers = scenario.load_out.trailers
+    if trailers.count is not None and trailers.bins is not None:
+        words["load_out.trailers.count"] = counted("trailers", trailers.count)
+        words["load_out.trailers.bins"] = f"{counted('bins', trailers.bins)} on each"
+    truck = scenario.load_out.truck
+    if truck.every is not None and truck.bins is not None:
+        words["load_out.truck.every"] = f"a truck every {truck.every:g} s"
+        words["load_out.truck.bins"] = f"{counted('bins', truck.bins)} on it"
+    empty_bins = scenario.load_out.empty_bins
+    if empty_bins is not None:
+        words["load_out.empty_bins"] = f"{counted('empty bins', empty_bins)} at the bay"
+    return words
+
+
+def _way_words(scenario: Scenario) -> dict[str, str]:
+    """Return the way to the load-out: key of the scenario -> words; {} if bins stay at the bay."""
+    load_out = scenario.load_out
+    if load_out.seconds_away is not None:
+        return {"load_out.seconds_away": f"{load_out.seconds_away:g} s away at the load-out"}
+    if load_out.metres is None:
+        return {}
+    return {
+        "load_out.metres": (
+            f"a load-out {load_out.metres:g} m away, {load_out.speed:g} m/s on the way to it"
+        ),
+        "load_out.seconds": f"{load_out.seconds:g} s there",
+    }
+
+
+def _rows_words(scenario: Scenario, varied: Collection[str]) -> str:
+    """Return how many rows there are, how long they are, and what fills a bin."""
+    words = "rows"
+    if "rows" not in varied:
+        words = f"{scenario.rows} rows"
+    if scenario.survey:
+        words += ", as surveyed"
+    elif "row_length" not in varied:
+        words += f" of {scenario.row_length:g} m"
+    if "metres_per_bin" in varied or "bins_per_row" in varied:
+        return words
+    if scenario.bin_metres:
+        return f"{words}, a bin every {scenario.bin_metres:.3g} m"
+    return f"{words}, one bin a row"
+
+
+def _rate_words(scenario: Scenario, varied: Collection[str]) -> str:
+    """Return how fast pickers are; '' if the scenario gives no rate, or it varies."""
+    rate = scenario.picking_rate
+    if not rate or "picking_rate" in varied:
+        return ""
+    return f" at {rate:g} bins an hour"

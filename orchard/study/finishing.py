@@ -32,10 +32,10 @@ from orchard.study.options import StudyOptions
 from orchard.study.orchard_words import orchard_words
 from orchard.study.replications import Replications
 from orchard.study.result import Goal, Row, Standing, StoppedBy, StudyResult
+from orchard.study.rows import row_of
 from orchard.study.runs import RunRecord, software
 from orchard.study.settings import CARRIERS, Setting
 from orchard.study.store import Store
-from orchard.study.study import row_of
 from orchard.study.workers import Workers, processes, scheduled
 
 # Harvests of each fleet in the first step of the search. Chosen: few, because many fleets are

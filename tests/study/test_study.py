@@ -24,9 +24,10 @@ from orchard.study.notes import StudyNotes
 from orchard.study.options import StudyOptions
 from orchard.study.picture import inline_svg
 from orchard.study.result import StudyResult
+from orchard.study.rows import row_of
 from orchard.study.runs import PlannedRun
 from orchard.study.settings import Setting, more_numbers, most_carriers, varied_of
-from orchard.study.study import row_of, study
+from orchard.study.study import study
 from orchard.study.table import heads_and_lines, legend
 from orchard.study.words import setting_words
 

@@ -251,6 +251,8 @@ def _times_of_pass(route: OneWay, leaves_early: bool, current: Pass, after: Pass
     driving = current.metres / lane.picking_speed
     picking = layout.picking_seconds(current.row, current.metres)
     beside_picking = plan[-1].ends - driving
+    # The driving that exchanges inside rows would save: if the pass picks the rest of its row, that
+    # through the part that was picked before; else all driving beside picking.
     if current.ends_row:
         row_end = (lane.length - current.metres) / layout.machines["picker"].speed
     else:
@@ -268,18 +270,21 @@ def _times_of_pass(route: OneWay, leaves_early: bool, current: Pass, after: Pass
     # Carrier 1 stands for all. The names of the picker and of the bin are empty: they take no time.
     fetch = route.fetch(1, current.row, side, "", "")
     job = list(timed_steps(fetch, route.queue.place(0), layout.machines["carrier"]))
-    # From the pass's begin until the full bin is left, without picking; then until the picker
-    # fetches the empty one; and from a carrier's order until it can be there.
+    # From the head of the row until the full bin is left, without picking.
     leaving = next(timed.ends for timed in plan if isinstance(timed.step, LeaveBin)) - driving
+    # From the full bin until the picker is out of the carrier's way, and fetches the empty one.
     coming_out = begin_of(FetchEmpty, plan) - driving - leaving
-    coming = way_to(route, current.row, side)[1]
+    # From a carrier's order until it can stop at the lane.
+    _, coming = way_to(route, current.row, side)
     if leaves_early:
-        # It leaves at the earliest when the picker drives into the row.
+        # The order comes at the earliest when the picker drives into the row. So the picker waits
+        # only for what the carrier's way is longer than all that the picker does until then.
         coming -= _way_in_seconds(route, side, plan[0].pose.x) + picking + leaving
-    # The carrier waits before the lane's place until the picker has come out.
+    # The carrier waits before the place of the lane until the picker has come out of it, and then
+    # drives from there to its stop.
     stop = begin_of(Deliver, job)
-    stop_line = _claimed(job, side.place("D", current.row), stop)
-    waiting = max(coming, coming_out + stop - stop_line) + handover_seconds(layout)
+    claim = _claimed(job, side.place("D", current.row), stop)
+    waiting = max(coming, coming_out + stop - claim) + handover_seconds(layout)
     cycle, charging = _cycle_and_charging(layout, job)
     return BinTimes(
         picking=picking,

@@ -91,6 +91,7 @@ def long_run(
     limit = limit or bounds
     bin_metres = layout.scenario.bin_metres
     most_rows = max(len(block.rows) for block in layout.blocks.values())
+    # Without `bin_metres` each row fills one bin.
     bins_a_row = 1.0
     if bin_metres:
         bins_a_row = layout.mean_length / bin_metres
@@ -117,11 +118,11 @@ def long_run(
 
 @dataclass(frozen=True)
 class _PickerFigures:
-    """What was measured in the whole rounds of a picker, in means of the limit."""
+    """The rate of a picker in its whole rounds, and the time that carriers need for a bin of it."""
 
     rate: float  #: bins/s, if carriers have the time for it
-    carrier_seconds: float  #: for which a carrier is busy for one bin, charging included
-    charger_seconds: float  #: of it, for which it charges
+    carrier_seconds: float  #: that a carrier is busy with one bin, charging included
+    charger_seconds: float  #: that a charger is busy with it
 
 
 class _LongRun:

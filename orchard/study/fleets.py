@@ -159,7 +159,7 @@ class Fleets:
         carriers: Sequence[int | None] | None,
     ) -> None:
         """`pickers`, `carriers`: the numbers to try; []: as many as it takes. `carriers` is None if
-        the number of the scenario is asked for.
+        they do not vary. None in a list is the number of a scenario that gives none.
         """
         self.scenario = scenario
         self.deadline = deadline
@@ -252,7 +252,7 @@ class Fleets:
 
     def _numbers_of_carriers(self, crew: Crew) -> list[int]:
         """Return the numbers of carriers that a study tries with a crew."""
-        # The number that a scenario has which says none.
+        # The number of a scenario that gives none.
         usual = crew.scenario.model_copy(update={"carriers": None}).carrier_count
         if self.carriers is None:
             return [self.scenario.carriers or usual]

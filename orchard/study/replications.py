@@ -83,7 +83,10 @@ class Replications:
         return runs
 
     def _keep(self, record: RunRecord) -> None:
-        """Keep a run that a worker has done, and say so."""
+        """Keep a run that a worker has done, and call `heard`.
+
+        Raises WorkersError if the worker has another version of this software.
+        """
         if record.version != software():
             raise WorkersError(
                 f"a worker has version {record.version}, and this is {software()}: install the same"
@@ -113,7 +116,7 @@ class Replications:
             seconds_of_run = max(seconds_of_run, worked)
         return more * len(settings) * seconds_of_run
 
-    # -- what they gave
+    # -- results
 
     def known(self, i: int, model: Model) -> list[RunRecord]:
         """Return the records of a setting, by seed, up to the first one that is missing."""

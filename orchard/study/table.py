@@ -21,7 +21,8 @@ from orchard.study.words import (
     value_words,
 )
 
-NONE = "-"  # in place of a figure that there is not
+NONE = "-"  # in place of a figure that is not known
+# Standing -> the mark after the first cell of its row.
 MARKS: dict[Standing, str] = {
     "best": "*",
     "equal": "=",

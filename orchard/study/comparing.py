@@ -76,7 +76,9 @@ class Comparison:
 
     @cached_property
     def best(self) -> int:
-        """The answer: of settings as good as the best mean one with fewest robots."""
+        """The answer: of the settings that are as good as the best mean, the one with the fewest
+        robots, and of several of these the one with the best mean.
+        """
         near = []
         for i, lead in self.ahead.items():
             if lead < self.within and i not in self.limited:
@@ -127,7 +129,10 @@ class Comparison:
         return sorted(undecided, key=lambda i: self.ahead[i])
 
     def _is_open(self, i: int, lead: Interval) -> bool:
-        """Whether a setting may still be the answer, and more runs would tell."""
+        """Whether a setting may still be the answer, and more runs would tell.
+
+        With more robots than the answer it must be better than the best mean by `within`.
+        """
         may_be_best = self.robots[i] <= self.robots[self.best] or lead.low <= -self.within
         return may_be_best and not self._decides(lead, self.count)
 
@@ -150,10 +155,14 @@ class Comparison:
         if lead is None:
             # Nothing is known of its spread, so the next look is worth trying.
             return True
-        # The standard deviation of the differences.
+        # The standard deviation of the differences, from half of the interval.
         deviation = (lead.high - lead.mean) / _half(1.0, self.count, self.error)
-        tells = deviation * _half(1.0, look, self.error) < abs(lead.mean - self.within)
-        return tells or deviation * _half(1.0, look, 1.0 - self.confidence) <= self.within / 2.0
+        # Half of the interval after `look` replications: of one that holds with all others, and of
+        # one that need hold only by itself.
+        half_with_others = deviation * _half(1.0, look, self.error)
+        half_alone = deviation * _half(1.0, look, 1.0 - self.confidence)
+        is_on_one_side = half_with_others < abs(lead.mean - self.within)
+        return is_on_one_side or half_alone <= self.within / 2.0
 
 
 def compare(
@@ -183,12 +192,14 @@ def compare(
     if is_max:
         sign = 1.0
     top = max(samples, key=lambda i: sign * float(np.mean(samples[i])))
+    # By Bonferroni's rule, for each look and each interval.
     error = (1.0 - confidence) / len(LOOKS) / max(1, intervals or len(samples) - 1)
     leads: dict[int, Interval | None] = {}
     ahead: dict[int, float] = {}
     for i, values in samples.items():
         # Where all prices are 0 the mean cost is 0.
         size = abs(float(np.mean(values))) or 1.0
+        # How much better the best mean's setting was with each seed, (seeds,).
         differences = sign * np.subtract(samples[top], values) / size
         have_no_chance = {i, top} <= set(without_chance)
         are_enough = 2.0 ** (1 - len(values)) <= error

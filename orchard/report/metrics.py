@@ -173,7 +173,7 @@ def lines_of_waits(actions: Mapping[str, Action]) -> list[str]:
 def collisions(world: World, kinds: tuple[str, ...] = ROBOTS) -> int:
     """Return the number of collisions that bodies of these kinds began.
 
-    Each has an event of its own: two robots that drive into each other are two collisions.
+    A body begins one when its step meets an obstacle; there is an event for each.
     """
     count = 0
     for name, i in world.layout.index.items():
@@ -251,8 +251,8 @@ def _distances(world: World) -> dict[str, float]:
 
 
 FIRST_STEP = 100  # ticks between two samples at first: 10 s
-# As soon as there are this many samples, every second one is dropped, and the step doubles. A graph
-# of 400 points shows all that a screen can.
+# As soon as there are this many samples, every second one is dropped, and the step doubles. Chosen:
+# enough points for a graph.
 MOST_SAMPLES = 400
 # Places of the waiting states in a list with an element for each of STATES.
 WAITING = [STATES.index(state) for state in WAITING_STATES]

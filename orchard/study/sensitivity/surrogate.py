@@ -54,7 +54,7 @@ def points_for(factors: int) -> int:
     """Return how many points a fit of so many values needs: a power of two, at least 32."""
     whole = len(_terms_of(factors, 2))
     points = 32
-    # Twice the least, so that the fit can be judged too.
+    # Twice as many as `shares_of` needs for a fit of degree 2.
     while points < 2 * POINTS_A_TERM * whole:
         points *= 2
     return points

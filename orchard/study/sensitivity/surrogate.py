@@ -256,7 +256,7 @@ class _Fit:
         """Return the values of the fit at the points, (n,)."""
         return self.columns @ (self.inverse @ means)
 
-    def left(self, means: Array) -> Array:
+    def misses(self, means: Array) -> Array:
         """Return for each point by how much a fit to all other points misses it, (n,)."""
         return np.asarray((means - self.fitted(means)) / (1.0 - self.weights))
 
@@ -270,10 +270,11 @@ class _Fit:
         `noise`: the variance of a point's mean about the fit, from which these errors come.
         """
         slopes = self.inverse @ means
+        # The covariances of the slopes, (t, t).
         errors = noise * self.inverse @ self.inverse.T
-        of_slopes = np.einsum("...ij,i,j->...", forms, slopes, slopes)
+        with_errors = np.einsum("...ij,i,j->...", forms, slopes, slopes)
         added = np.einsum("...ij,ij->...", forms, errors)
-        return np.asarray(np.maximum(0.0, of_slopes - added))
+        return np.asarray(np.maximum(0.0, with_errors - added))
 
     def _luck_and_rest(self, means: Array, luck: Array) -> tuple[float, float]:
         """Return the variance of a run by its seed, and the variance that the fit does not tell.
@@ -292,16 +293,17 @@ class _Fit:
         if between < within * float(special.fdtri(freedom, count, LACK_OF_FIT)):
             pooled = (freedom * between + count * within) / (freedom + count)
             return pooled, 0.0
-        missed = float(np.mean(self.left(means) ** 2)) - within / RUNS_OF_A_POINT
+        missed = float(np.mean(self.misses(means) ** 2)) - within / RUNS_OF_A_POINT
         return within, max(0.0, missed)
 
     def parts(self, means: Array, luck: Array) -> _Parts:
         """Return the parts of the variance. `luck`: as `_luck` returns it, (n,)."""
         of_seeds, missed = self._luck_and_rest(means, luck)
         noise = of_seeds / RUNS_OF_A_POINT + missed
-        of_slopes = float(self._variances(self.of_all, means, 0.0))
+        # The variance by all values as the fit has it, and without the errors of its slopes.
+        of_fit = float(self._variances(self.of_all, means, 0.0))
         of_values = float(self._variances(self.of_all, means, noise))
-        if max(of_slopes, missed) <= NOTHING * float(np.mean(means)) ** 2:
+        if max(of_fit, missed) <= NOTHING * float(np.mean(means)) ** 2:
             # No value has an effect.
             of_values = 0.0
             missed = 0.0
@@ -315,14 +317,14 @@ class _Fit:
             first_order = np.array([of_values + missed])
             total = first_order
             unfitted = 0.0
-        moved = max(of_values + missed, np.finfo(float).tiny)
+        without_luck = max(of_values + missed, np.finfo(float).tiny)
         return _Parts(
             first_order=first_order / everything,
             total=total / everything,
             luck=of_seeds / everything,
             unfitted=unfitted / everything,
-            fit=1.0 - missed / moved,
-            certain=of_values / max(of_slopes, np.finfo(float).tiny),
+            fit=1.0 - missed / without_luck,
+            certain=of_values / max(of_fit, np.finfo(float).tiny),
         )
 
 

@@ -353,7 +353,8 @@ STEPS = 4
 
 def most_carriers(scenario: Scenario) -> int:
     """Return for how many carriers the orchard has room."""
-    # The first place at which there is no room: number n stands at place n - 1.
+    # Numbers with room come first. So the place of the first one without room, counted from 0, is
+    # how many have room.
     numbers = range(1, MOST_CARRIERS + 1)
     return bisect_left(numbers, True, key=partial(_lacks_room, scenario))
 

@@ -110,7 +110,9 @@ class BodyRows:
         bodies = np.tile(np.arange(n), count)
         # A body that is not coupled has a negative index. It gets index n: null.
         partners = np.where(coupled >= 0, coupled, n).ravel()
+        # Three columns of words: state, doing, waits_for.
         words = zip(*chain.from_iterable(self._statuses), strict=True)
+        # In the order of BODIES.
         columns = [
             ticks,
             self._names.take(pa.array(bodies)),
@@ -129,7 +131,7 @@ class BodyRows:
         return pa.table(columns, BODIES)
 
     def _measured(self) -> list[pa.Array]:
-        """Return the columns of the poses as measured."""
+        """Return the five columns of the poses as measured: see `_inexact`."""
         if not self._inexact:
             return [pa.nulls(len(self), NUMBER)] * 5
         poses = np.array(self._inexact)

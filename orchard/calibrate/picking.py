@@ -112,6 +112,7 @@ class PickingTimes:
     """
 
     def __init__(self, intervals: Sequence[BinInterval], beside: float = 0.0) -> None:
+        # Picker and row -> the picking times of its bins, s.
         rows: dict[tuple[str, str], list[float]] = {}
         for number, interval in enumerate(intervals):
             row = interval.row or f"bin {number}"
@@ -124,7 +125,7 @@ class PickingTimes:
 
     @property
     def count(self) -> int:
-        """The number of times."""
+        """The number of picking times: a bin has one."""
         return sum(len(bins) for bins in self._bins)
 
     @cached_property

@@ -5,6 +5,10 @@
 An agent uses no socket, no clock and no process. `memory` is None at the first tick, and later the
 `memory` of the agent's last action: plain data (msgspec Structs, numbers, strings, lists, maps). It
 is sent with the velocity, and the process that runs the agent next receives it.
+
+A body is a robot, a bin, a weed, a person or an animal. A scan holds the ranges that its laser
+measures. Each beam ends at a return: the point of a body or a tree that it meets first. The bar is
+the rigid coupling between a robot and its bin.
 """
 
 import math
@@ -40,7 +44,7 @@ STATES: tuple[State, ...] = get_args(State)
 # The states of a picker or a bin that waits for a carrier.
 WAITING_STATES: tuple[State, ...] = ("waiting", "calling")
 
-# What a robot waits for that sees only returns of a laser.
+# `waits_for` of a robot that is held up by something of which it knows only returns of its laser.
 AHEAD = "an obstacle ahead"
 IN_TURN = "an obstacle in its turn"
 
@@ -51,14 +55,16 @@ MOST_DEEDS = 16
 MOST_REQUESTS = 500
 # Requests to one recipient, which must be able to answer all that it hears.
 MOST_TO_ONE = 8
+# The largest whole number that JavaScript and others who read numbers as doubles keep exactly.
 MOST_STEPS = 2**53 - 1
-# Ticks after which an agent is asked again, whatever it holds.
+# Ticks, of 0.1 s, after which an agent is asked again, however long its hold is.
 MOST_HOLD = 1000
-# Zones of each kind in a hold.
+# Zones of each kind (`watch`, `still`) in a hold.
 MOST_ZONES = 4
 # Lists and maps within each other in the fields of a message of an agent's own type.
 MOST_LEVELS = 32
-LARGEST_MEMORY = MAX_PAYLOAD // 32  # bytes
+# Bytes, 32 KiB: of one agent's memory, and of its deeds and messages of one tick together.
+LARGEST_MEMORY = MAX_PAYLOAD // 32
 
 
 class Hitch(NamedTuple):
@@ -73,7 +79,8 @@ class Hitch(NamedTuple):
     orientation: tuple[float, float]  #: z and w of a unit quaternion
     #: Its velocity in the last step, in its own frame, m/s and rad/s.
     twist: Twist
-    #: The bin's ranges, m, (60,) float32; None for a bin, which does not receive its robot's.
+    #: To a robot: its bin's ranges, m, (60,) float32. To a bin: None, for it gets no scan of its
+    #: robot.
     scan: np.ndarray | None
 
     @property
@@ -119,7 +126,7 @@ class Observation(msgspec.Struct, frozen=True, dict=True):
 
 
 def with_own_arrays(seen: Observation) -> Observation:
-    """Return an observation with arrays of its own.
+    """Return an observation whose scans are new views of the same read-only ranges.
 
     So an agent that sets the `shape` of its scan changes it for itself only.
     """
@@ -160,9 +167,9 @@ class Heard(NamedTuple):
 class Reply(NamedTuple):
     """The result of a request of two ticks ago: the answer, or None if there was no answer."""
 
-    #: The agent that was asked.
+    #: The sender of the answer: the agent that the request went to.
     sender: str
-    #: The number of the request, from 0.
+    #: The place of the request among those of its tick, from 0.
     number: int
     request: Request
     #: The answer; None if there was none.
@@ -180,26 +187,28 @@ class Mail:
     replies: list[Reply] = field(default_factory=list)
 
 
-# What a run does with holds.
+# What a run does with holds. "on": an agent that holds is not asked. "ignored": each agent is asked
+# at each tick. "checked": each is asked, and one that breaks its promise is logged, but only the
+# actions that "on" would ask for count.
 Holds = Literal["on", "ignored", "checked"]
 
 
 class Hold(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A promise: until a tick, asked again, the agent would answer the same.
+    """A promise of an agent: if it were asked before the tick `until`, it would answer the same.
 
-    That is the same velocity, no deed, request or answer, and the same words of itself. So it is
-    not asked, and its velocity is applied again. It is asked at the tick `until` at the latest, and
-    at the first tick at which
+    That is the same velocity, the same `doing`, `state` and `waits_for`, and no deed, request or
+    answer. So the agent is not asked, and its velocity is applied again. It is asked at the tick
+    `until` at the latest, and at the first tick at which
 
     - it hears mail: a request, or the reply to its own;
     - its body did not move with its velocity in the last step: the step was refused, limited, or
       stopped;
     - its body was coupled or uncoupled, or is a bin that got full or empty; or the body at the
       other end of the bar changed its velocity;
-    - whether a return lies in a zone of `watch` differs from when it answered;
+    - a zone of `watch` that was empty when it answered has a return in it, or the contrary;
     - a return in a zone of `still` has come, gone or changed since the tick before;
-    - with `freer_within`: the freer side differs from when it answered, left or right, of which
-      fewer beams return within so many metres;
+    - with `freer_within`: the freer side, left or right, is another one than when it answered. That
+      is the side of which fewer beams return within so many metres;
     - another process runs it.
 
     In realtime it is asked at every tick.
@@ -272,7 +281,8 @@ class Action(msgspec.Struct, forbid_unknown_fields=True):
 def says_holds(class_: type) -> bool:
     """Whether the holds of a user's agent or step count.
 
-    They do if its own class, and not only its base, says `holds = True`.
+    They do if its own class says `holds = True`. A base class cannot promise it for the classes
+    that are derived from it, which may answer otherwise.
     """
     return vars(class_).get("holds", False) is True
 
@@ -300,7 +310,7 @@ class Agent(Protocol):
         """Return what it does at this tick, and what it wants to know at the next one."""
 
 
-# Numbers in a body's state: x, y, the quaternion's z and w, linear x and y, angular z.
+# How many numbers are in a body's state: x, y, the quaternion's z and w, linear x and y, angular z.
 STATE = 7
 
 
@@ -308,9 +318,9 @@ class Scans(Sequence[np.ndarray]):
     """The scans of n bodies as views of one array, made when they are asked for."""
 
     def __init__(self, ranges: np.ndarray, begin: Sequence[int]) -> None:
-        """Take the ranges of all bodies, one after another, m, float32.
+        """`ranges`: of all bodies, one after another, m, float32.
 
-        `begin`: (n + 1,): where each body's ranges begin, and the end.
+        `begin`, (n + 1,): the index in `ranges` at which each body's begin, then their length.
         """
         self.ranges = ranges
         self._begin = begin
@@ -319,6 +329,7 @@ class Scans(Sequence[np.ndarray]):
         return len(self._begin) - 1
 
     def __getitem__(self, body: Any) -> Any:
+        # A range indexes as a list does: from the end too, by slices, and with an IndexError.
         index = range(len(self))[body]
         if isinstance(index, range):
             return [self[i] for i in index]
@@ -340,15 +351,15 @@ class Observations:
     states: np.ndarray
     # n scans, m: (180,) or, of bins and weeds, (60,) float32.
     scans: Sequence[np.ndarray]
-    # Of coupled bodies, by name.
+    # Name of a coupled body -> the body at the other end of its bar.
     hitches: Mapping[str, Hitch]
-    # Of bins that are not empty, by name: metres of row.
+    # Name of a bin that is not empty -> metres of row in it.
     fills: Mapping[str, float]
     # Names of the full bins.
     full: Collection[str]
-    # Of bodies with x and y that are not exact, by name, m.
+    # Name of a body that measures x and y with errors -> their standard deviation, m.
     accuracies: Mapping[str, float] = field(default_factory=dict)
-    # Of bodies with a battery, by name, 0 to 1.
+    # Name of a body with a battery -> its charge, 0 to 1.
     charges: Mapping[str, float] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Observation:
@@ -371,11 +382,11 @@ class Observations:
         )
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Observations":
-        # The names are the layout's, and read-only.
+        # The names are shared with the layout and read-only, so they are not copied.
         return Observations(self.tick, self.names, *deepcopy(self._parts(), memo))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Be pickled with names of its own: a read-only map cannot be pickled."""
+        """Return what pickle stores. The names become a dict: a read-only map has no pickle."""
         return Observations, (self.tick, dict(self.names), *self._parts())
 
     def _parts(self) -> tuple[Any, ...]:

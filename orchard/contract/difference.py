@@ -1,4 +1,8 @@
-"""The first difference between two pieces of plain data, with its place in them."""
+"""The first difference between two pieces of plain data, with its place in them.
+
+The guard shows it for an agent that answers otherwise when it is asked again, and for a memory that
+is another one after it was sent as bytes.
+"""
 
 from collections.abc import Collection
 from dataclasses import fields, is_dataclass
@@ -8,15 +12,16 @@ import msgspec
 
 # Characters of a value that are shown.
 SHOWN = 80
-# Most of the data: they have no parts.
+# Types of data without parts. Most data are of these, so they are told apart first, for speed.
 _SIMPLE = (float, str, int, bool, bytes, type(None))
 
 
 def difference(before: Any, after: Any, where: str) -> str:
     """Return the first difference between two values, as "memory['seen']: set {1}, then list [1]".
 
-    Return '' if they are the same, types too. An int is the same as an equal float, as which a
-    field of type float reads it. NaN is the same as NaN. `where`: the name of the values.
+    Return '' if they are the same, types too. Two exceptions: NaN is the same as NaN, and an int
+    before is the same as an equal float after, because a field of type float reads an int so.
+    `where`: the name of the values.
 
     >>> difference({"row": 3}, {"row": 4}, "memory")
     "memory['row']: 3, then 4"
@@ -25,6 +30,7 @@ def difference(before: Any, after: Any, where: str) -> str:
         return ""
     parts_before = parts_of(before, where)
     parts_after = parts_of(after, where)
+    # If parts are missing or new, their difference is that of the whole values.
     if type(before) is type(after) and _places(parts_before) == _places(parts_after):
         for (place, old), (_, new) in zip(parts_before, parts_after, strict=True):
             if words := difference(old, new, place):
@@ -40,12 +46,13 @@ def _is_same(before: Any, after: Any) -> bool:
     if kind is not type(after):
         return kind is int and type(after) is float and bool(before == after)
     if kind is dict:
+        # The keys, and their order, and then the values.
         return _are_same(before, after) and _are_same(before.values(), after.values())
     if kind is list or kind is tuple:
         return _are_same(before, after)
     if kind not in _SIMPLE and (names := _names_in(before)):
         return all(_is_same(getattr(before, name), getattr(after, name)) for name in names)
-    # Not a number is the same as not a number.
+    # Only NaN differs from itself.
     return bool(before == after or before != before)  # noqa: PLR0124
 
 

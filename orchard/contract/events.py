@@ -1,5 +1,6 @@
-"""What a run shows to observers: the events of a step, and one frame of the picture for
-each tick.
+"""What a run shows to observers: the events of a step, and a frame for each tick.
+
+Engines make them (orchard/sim); viewers, tables and figures use them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -49,12 +50,12 @@ What = Literal[
 
 
 class Event(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Something that happened in the step from `tick` to the next: an effect of physics (`What`),
-    or a message between agents ('call').
+    """Something that happened in the step from `tick` to the next: an effect of physics, with a
+    word of `What`, or a message between agents, with its `type`, such as 'call'.
     """
 
     tick: Tick
-    what: Text  # a short word, such as one of `What` or a message's `type`
+    what: Text
     who: Annotated[Text, Meta(description="the body that did it, or the sender")]
     whom: Annotated[
         Text, Meta(description="the other body, or the recipient; '' if there is none")
@@ -68,79 +69,80 @@ class LetterEvent(Event, frozen=True):
     content: str = ""  # the message with its fields, as JSON
 
 
-SELDOM = (
-    "coupled",
-    "fill",
-    "alive",
-    "row_ends",
-    "trailers",
-)  # fields that a frame may leave out while they are unchanged
+# The fields that are None in a frame while they are unchanged.
+SELDOM = ("coupled", "fill", "alive", "row_ends", "trailers")
 
-
-Velocities = tuple[
-    float, float, float, float, float, float
-]  # forward, left (m/s), turn (rad/s): done in the step, then those wanted
+# The velocity of a body in its own frame: forward and left (m/s), turn (rad/s). The first three
+# numbers are what it did in the step, the last three what its agent wanted.
+Velocities = tuple[float, float, float, float, float, float]
 
 
 @dataclass(slots=True)
 class Frame:
-    """The orchard at one tick. n bodies in the order of `layout.starts`, r rows; SI units."""
+    """The orchard at one tick. n bodies in the order of `layout.starts`, r rows; SI units.
+
+    A map may hold only the names whose values changed, if `is_whole` is False. The fields of
+    `SELDOM` are None while they are unchanged.
+    """
 
     tick: int
-    poses: np.ndarray  # (n, 3) float: x, y (m), yaw (rad)
-    doing: Mapping[str, str] = field(
-        default_factory=dict
-    )  # name -> "picking row 3"; may hold changes only
-    scans: Sequence[np.ndarray | None] | None = (
-        None  # for each body its ranges, m, float32, +inf without a return
-    )
-    coupled: np.ndarray | None = (
-        None  # (n,) int: index of the body at the other end of the bar, or -1; None: unchanged
-    )
-    fill: np.ndarray | None = (
-        None  # (n,) float: of bins, metres of row in the bin, 0 to what fills it; None: unchanged
-    )
-    alive: np.ndarray | None = None  # (n,) bool: False for a flattened weed; None: unchanged
-    row_ends: np.ndarray | None = (
-        None  # (r, 4) float: how far each row is picked, as in `World`; None: unchanged
-    )
-    delivered: int = 0  # bins unloaded so far
+    # (n, 3) float: x, y (m), yaw (rad).
+    poses: np.ndarray
+    # Name -> "picking row 3".
+    doing: Mapping[str, str] = field(default_factory=dict)
+    # For each body its ranges, m, float32, +inf without a return; None in most frames.
+    scans: Sequence[np.ndarray | None] | None = None
+    # (n,) int: index of the body at the other end of the bar; -1 if there is none.
+    coupled: np.ndarray | None = None
+    # (n,) float: metres of row in each bin, from 0 to the length that fills it.
+    fill: np.ndarray | None = None
+    # (n,) bool: False for a flattened weed.
+    alive: np.ndarray | None = None
+    # (r, 4) float: how far each row is picked, as `World.row_ends` (orchard/sim/world.py).
+    row_ends: np.ndarray | None = None
+    # Bins unloaded so far.
+    delivered: int = 0
     events: Sequence[Event] = ()
-    states: Mapping[str, State] = field(
-        default_factory=dict
-    )  # name -> state, for the names in `doing`
-    velocities: Mapping[str, Velocities] = field(
-        default_factory=dict
-    )  # name -> its own of the step; may hold changes only
-    # name -> charge of its battery, 0 flat to 1 full: of robots that have one, once a second.
+    # Name -> state, for the names in `doing`.
+    states: Mapping[str, State] = field(default_factory=dict)
+    # Name -> velocities in the step.
+    velocities: Mapping[str, Velocities] = field(default_factory=dict)
+    # Name -> charge of its battery, 0 flat to 1 full: of robots that have one, once a second.
     charges: Mapping[str, float] = field(default_factory=dict)
-    left_out: int = 0  # earlier frames that were merged into this one
-    is_whole: bool = False  # whether all but the scans is complete: a viewer can begin with it
-    # (t, 3) int: the trailers of the load-out, as in `World`; None: unchanged.
+    # How many earlier frames were merged into this one.
+    left_out: int = 0
+    # Whether all but the scans is complete, so that a viewer can begin with this frame.
+    is_whole: bool = False
+    # (t, 3) int: the trailers of the load-out, as `World.trailers` (orchard/sim/world.py).
     trailers: np.ndarray | None = None
     # Full bins that wait at the bay for the truck.
     waiting_bins: int = 0
 
 
 def merged(old: Frame, new: Frame) -> Frame:
-    """Return one frame for two: the newer one, with the other changes of the older one."""
+    """Return one frame for two: the newer one, with those changes of the older one that it lacks.
+
+    A viewer that is slow draws it in place of both.
+    """
     kept: dict[str, Any] = {}
     for name in SELDOM:
         if getattr(new, name) is None:
             kept[name] = getattr(old, name)
-    news: dict[str, Any] = {}
+    joined: dict[str, Any] = {}
     for name in ("doing", "states", "velocities", "charges"):
-        news[name] = {**getattr(old, name), **getattr(new, name)}
-    news |= {"events": [*old.events, *new.events], "is_whole": old.is_whole or new.is_whole}
-    return replace(new, left_out=old.left_out + new.left_out + 1, **news, **kept)
+        joined[name] = {**getattr(old, name), **getattr(new, name)}
+    joined["events"] = [*old.events, *new.events]
+    joined["is_whole"] = old.is_whole or new.is_whole
+    return replace(new, left_out=old.left_out + new.left_out + 1, **joined, **kept)
 
 
 # -- messages between agents as events
 
 
 def talk_of(tick: int, letters: Mapping[str, Written]) -> list[LetterEvent]:
-    """Return the messages that agents sent at a tick as events, printable. `letters`: sender -> its
-    letters.
+    """Return the messages that agents sent at a tick as events, printable.
+
+    `letters`: sender -> its letters, which are its requests and answers of that tick.
     """
     events = []
     for sender, written in letters.items():
@@ -150,13 +152,14 @@ def talk_of(tick: int, letters: Mapping[str, Written]) -> list[LetterEvent]:
                 what=type_of(body),
                 who=sender,
                 whom=printable(to),
-                detail=printable(_said(body)),
+                detail=printable(_detail_of(body)),
                 content=as_json(body),
             )
             events.append(event)
     return events
 
 
+# Type of message -> its words for people, with the fields of the message `{0}` filled in.
 _WORDS: dict[type, str] = {
     Call: "is a carrier free? row {0.lane}, {0.side} end",
     Come: "come, row {0.lane}, {0.side} end",
@@ -166,7 +169,10 @@ _WORDS: dict[type, str] = {
 }
 
 
-def _said(body: Request | Answer) -> str:
-    if words := _WORDS.get(type(body)):
+def _detail_of(body: Request | Answer) -> str:
+    """Return what a message says, for people; '' if its `type` says it all."""
+    words = _WORDS.get(type(body))
+    if words is not None:
         return words.format(body)
+    # A `No` has a reason, a `CarrierComing` a carrier.
     return getattr(body, "reason", "") or getattr(body, "carrier", "")

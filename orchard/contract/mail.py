@@ -1,5 +1,8 @@
 """Mail between agents, which physics does not interpret.
 
+Letters are the requests and answers that one agent writes at one tick. Mail is what one agent hears
+at one tick: requests, and replies to its own.
+
 It is repeatable: it is heard in a fixed order. A request of tick k is heard in tick k + 1, sorted
 by kind, sender and number. It is answered in that tick or never. The sender receives the reply in
 tick k + 2, with an answer or without.
@@ -32,6 +35,7 @@ def digest_of(mail: Mail) -> bytes:
     if not mail.requests and not mail.replies:
         return b""
     heard = [(h.sender, h.tick, h.number, h.body) for h in mail.requests]
+    # The request of a reply is left out: it was in the digest of the agent that heard it.
     replies = [(r.sender, r.number, r.body) for r in mail.replies]
     return hashlib.blake2b(pack([heard, replies]), digest_size=16).digest()
 
@@ -71,7 +75,7 @@ class LocalMail:
     """
 
     def __init__(self, written: dict[int, dict[str, Written]] | None = None) -> None:
-        # Tick -> sender -> its letters.
+        """`written`: tick -> sender -> its letters, of a run that goes on from a snapshot."""
         self.written = written or {}
 
     def collect(self, sender: str, tick: int, action: Action) -> None:
@@ -98,7 +102,8 @@ class LocalMail:
 
     def _deliver_replies(self, mail: dict[str, Mail], asked: int) -> None:
         """Add to the mail of the agents that asked at a tick what the others answered since."""
-        # The key names the agent that answers, so no other agent can answer for it.
+        # Keys: the agent that answers, the agent that asked, its tick, the number of the request.
+        # So an answer counts only from the agent that was asked.
         answers: dict[tuple[str, str, int, int], Answer] = {}
         for name, letters in self.written.get(asked + 1, {}).items():
             for sender, tick, number, answer in letters.answers:

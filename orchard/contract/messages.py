@@ -1,5 +1,7 @@
-"""Requests, answers and deeds as plain data, and their encoding as bytes. Only this module encodes
-and decodes msgpack.
+"""Requests, answers and deeds as plain data, and their encoding as bytes.
+
+An agent sends a request to another agent, which may answer it. A deed is what a body wants physics
+to do besides moving it. Only this module encodes and decodes msgpack.
 """
 
 from functools import cache
@@ -20,7 +22,8 @@ LONGEST_TEXT = 200  # characters of a text for people
 Text = Annotated[str, Meta(max_length=LONGEST_TEXT)]
 Word = Annotated[str, Meta(max_length=64)]  # a name of an agent or of a place on the roads
 RoadPlaces = Annotated[list[Word], Meta(max_length=16)]
-Metres = Annotated[float, Meta(ge=-1e6, le=1e6)]  # refuses NaN and infinity too
+# The limits are far beyond any orchard; they refuse NaN and infinity too.
+Metres = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Seconds = Annotated[float, Meta(ge=0.0, le=1e6)]
 End = Annotated[str, Meta(pattern=r"^(east|west)\Z")]  # an end of a lane
 
@@ -28,8 +31,9 @@ End = Annotated[str, Meta(pattern=r"^(east|west)\Z")]  # an end of a lane
 class AgentMessage(
     msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="type", tag=str.lower
 ):
-    """A message to another agent or to physics. Its `type` on the wire is the class name in small
-    letters.
+    """A message to another agent or to physics.
+
+    Its `type` on the wire is the class name in small letters, if the class gives no other `tag`.
 
     For messages of your own, derive classes from it, and list them in your agent's `Messages`: see
     `CustomMessage`.
@@ -41,7 +45,7 @@ def type_of(message: AgentMessage | type[AgentMessage]) -> str:
     return str(message.__struct_config__.tag)
 
 
-# -- deeds: what a body requests of physics besides moving; physics decides whether it happens
+# -- deeds: physics decides whether they happen
 
 
 class Couple(AgentMessage):
@@ -55,12 +59,12 @@ class Uncouple(AgentMessage):
 
 
 class Flatten(AgentMessage):
-    """From a weed: something moves within a metre of it."""
+    """From a weed: flatten it, because something moves within a metre of it."""
 
 
 class PickFrom(AgentMessage):
-    """From a picker: until it drives over this x in a row it picks nothing. It may lie inside what
-    is not picked.
+    """From a picker: begin to pick its row at x, m east in the frame `map`. It picks nothing until
+    it drives over x, which may lie inside a part that is not picked yet.
     """
 
     x: Metres
@@ -72,8 +76,8 @@ Deed = Couple | Uncouple | Flatten | PickFrom
 
 
 class Call(AgentMessage):
-    """With `dispatch: nearest`, from a full bin to each carrier: is it free to fetch the bin? It
-    offers itself to the oldest call only.
+    """With `dispatch: nearest`, from a full bin to each carrier: is it free to fetch the bin? A
+    carrier that hears several calls offers itself to the oldest one only.
     """
 
     lane: int
@@ -104,8 +108,9 @@ class Here(AgentMessage):
 
 
 class Claim(AgentMessage):
-    """From a robot to `traffic`: the places that it keeps and those that it wants; `beside`: a
-    partner with which it may share places.
+    """From a robot to `traffic`, the agent that reserves places on the roads: `keep`, the places
+    that it has and still needs; `want`, those that it asks for; `beside`, a robot with which it may
+    share places, '' if there is none.
     """
 
     keep: RoadPlaces
@@ -118,8 +123,8 @@ class StateRequest(AgentMessage, tag="state"):
 
 
 class LeftAt(AgentMessage, tag="left_at"):
-    """From a picker to its bin: the end of the row at which it will leave the bin next, and the
-    metres of row in it then.
+    """From a picker to its bin: the end of the lane at which it will leave the bin next, and the
+    metres of row that will be in it then.
     """
 
     lane: int
@@ -128,14 +133,14 @@ class LeftAt(AgentMessage, tag="left_at"):
 
 
 class Where(AgentMessage):
-    """From a robot, before and during a turn, to a person or an animal that its lasers may not see:
-    where is it?
+    """From a robot to a person or an animal: where is it? The robot asks before and during a turn,
+    because its lasers may not see the other one.
     """
 
 
 class Fetch(AgentMessage):
-    """With any other `dispatch`, from a bin that is full, or soon will be, to the dispatcher: which
-    carrier fetches the bin?
+    """With any `dispatch` but `nearest`, from a bin that is full, or soon will be, to the
+    dispatcher: which carrier fetches the bin?
     """
 
     lane: int
@@ -198,21 +203,21 @@ class No(AgentMessage):
 
 
 class CarrierComing(AgentMessage, tag="carrier"):
-    """From a bin to its picker, or from the dispatcher to a bin: the carrier that comes ('' while
-    none is found).
+    """From a bin to its picker, or from the dispatcher to a bin: the carrier that comes, '' while
+    none is found.
     """
 
     carrier: Word
 
 
 class Places(AgentMessage):
-    """From `traffic`: the places that are reserved for the robot now, and the robots that are in
-    the way of the rest.
+    """From `traffic`, to a claim: `held`, the places that are reserved for the robot now; `alone`,
+    those of them that no other robot shares; `blockers`, the robots in the way of the others.
     """
 
     held: list[Word]
     blockers: list[Word]
-    alone: list[Word]  # those of `held` that no other robot shares
+    alone: list[Word]
 
 
 class BinState(AgentMessage):
@@ -224,9 +229,9 @@ class BinState(AgentMessage):
 
 
 class CarrierStatus(AgentMessage):
-    """From a carrier to the dispatcher: its job ('' or the full bin that it fetches); whether it is
-    next of its line of the queue, as it waits there and no other stands before it; metres by road
-    to the head of its own line.
+    """From a carrier to the dispatcher: `job`, the full bin that it fetches, or '' without a job;
+    `is_next`, whether it waits in the queue of free carriers at the head of its line; `metres`, by
+    road to the head of its line.
     """
 
     job: Word
@@ -271,7 +276,7 @@ class Written(msgspec.Struct, forbid_unknown_fields=True):
 
     @property
     def sent(self) -> list[tuple[str, Request | Answer]]:
-        """The recipient and the body of each."""
+        """The recipient and the body of each letter."""
         sent: list[tuple[str, Request | Answer]] = [*self.requests]
         for answer in self.answers:
             sent.append((answer.to, answer.body))
@@ -307,8 +312,9 @@ def as_json(message: AgentMessage) -> str:
 
 
 def unpack(data: bytes, type_: Any) -> Any:
-    """Decode msgpack bytes and check the data against a type. Raises ValueError, with the fault and
-    its place in the message.
+    """Decode msgpack bytes and check the data against a type.
+
+    Raises ValueError, with the fault and its place in the message.
     """
     try:
         return _decoder(type_).decode(data)

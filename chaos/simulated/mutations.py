@@ -212,8 +212,8 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
         _with_words(
             barriers.RealtimeBarrier,
             "_action",
-            "replace(put.report, deeds=[],",
-            "replace(put.report,",
+            "replace(timed.report, deeds=[],",
+            "replace(timed.report,",
         ),
     ),
     "a paused run does one step too few": (

@@ -1,4 +1,8 @@
-"""What a run counts, writes and shows, for the loop with the network and for the one without."""
+"""What a run counts, writes and shows: its figures, frames, tables and snapshots.
+
+Two loops use it: that with a network (orchard/server/run.py), and that of local mode
+(orchard/launch/local_run.py).
+"""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -27,9 +31,10 @@ class RunAccount:
         table: str | Path | None,
         clock: Callable[[], float],
     ) -> None:
-        """`before`: the snapshot from which the engine was resumed.
+        """`before`: the snapshot from which the engine was resumed; None: the run is new.
 
-        `table`: the folder for tables; None: none are written.
+        `table`: the folder for tables; None: none are written. `clock`: s of wall time, without
+        pauses.
         """
         self._engine = engine
         self.frame_builder = FrameBuilder(engine)
@@ -64,7 +69,10 @@ class RunAccount:
             self._tables.update(self._engine, events, letters)
 
     def keep(self, snapshot: Snapshot) -> None:
-        """Write a snapshot, and the rows of tables up to it."""
+        """Write a snapshot, and before it the rows of tables up to it.
+
+        A run that goes on from the snapshot goes on with these tables.
+        """
         if self._tables is not None:
             self._tables.flush()
         self.snapshot_writer.keep(snapshot)
@@ -76,7 +84,10 @@ class RunAccount:
             self._tables.close()
 
     def why_over(self, ticks: float) -> str:
-        """Return why the run is over; '' if it is not. `ticks`: the tick at which it ends."""
+        """Return why the run is over; '' if it is not.
+
+        `ticks`: the tick at which its duration ends; infinity without one.
+        """
         if self._engine.over:
             return "harvested"
         if self._engine.tick >= ticks:
@@ -97,17 +108,16 @@ class RunAccount:
         figures of the answers to ticks.
         """
         engine = self._engine
-        begin = {
+        # The order is that in which people read the figures.
+        return {
             "hash": engine.hash,
             "mode": mode,
             "hosts": hosts,
             **self.figures.summary(),
             **answers,
-        }
-        end = {
+            "messages_refused": dict(refused),
             "finished": engine.over,
             "ended": why,
             "violations": engine.violations(),
             "jam": self.figures.jam,
         }
-        return {**begin, "messages_refused": dict(refused), **end}

@@ -37,10 +37,11 @@ from orchard.wire.messages import Mode, Report
 
 # s after which a tick is sent again to the sessions that have not answered.
 AGAIN_SECONDS = 0.5
-# s beyond the tick's time, to wait for agents that were in time last; less than Pacer.CATCH_UP.
+# In realtime: s beyond the tick's time, to wait for agents that answered the last tick in time. The
+# ticks after it make up for the delay, so it is less than Pacer.CATCH_UP.
 SLACK = 0.2
-# Share of a tick's time to wait for agents that missed the last tick, and for all when the clock
-# is behind.
+# In realtime: share of a tick's time to wait for agents that missed the last tick. For all agents
+# too, when the clock is behind.
 SHARE = 0.5
 # Share of a tick's time. A tick that begins later than this after it was due counts as late.
 LATE = 0.5
@@ -52,16 +53,20 @@ class Barrier:
     mode: Mode
 
     def __init__(self, roster: Roster, clock: Callable[[], float]) -> None:
+        """`clock`: s of wall time, without pauses."""
         self._roster = roster
         self._clock = clock
+        # The tick that is open; -1 before the first one.
         self.tick = -1
+        # The agents whose answers are waited for.
         self.missing: set[str] = set()
+        # Agent -> the answer that the step uses first: its deeds, letters and memory count.
         self.reports: dict[str, Report] = {}
 
     def open(self, tick: int, lag: float = 0.0, due: Iterable[str] | None = None) -> None:
-        """Open a tick, and wait for the agents that are `due`; None: all that are owned.
+        """Open a tick, and wait for the agents that are `due`; None: all that a session owns.
 
-        `lag`: how late it begins, s.
+        `lag`: how many seconds after its time the tick begins.
         """
         self.tick = tick
         if due is None:
@@ -107,10 +112,12 @@ class LockstepBarrier(Barrier):
     """
 
     mode = "lockstep"
-    watchdog = 0.0  # s of wall time that a velocity drives at least: none, for ticks alone count
-    # Each tick must reach each agent.
+    # s of wall time that a velocity of a client drives at least: none, for only ticks count.
+    watchdog = 0.0
+    # Whether a slow session may miss a tick that a newer one follows: each must reach each agent.
     newest_wins = False
-    # A session that is gone may come back, or be replaced, until the deadline.
+    # Whether agents lose their session as soon as its token is gone: a session that is gone may
+    # come back, or be replaced, until the deadline.
     releases_at_once = False
 
     def __init__(
@@ -118,36 +125,36 @@ class LockstepBarrier(Barrier):
     ) -> None:
         super().__init__(roster, clock)
         self._patience = patience
-        # The time, on the clock, up to which missing answers are waited for.
+        # s, on the clock, up to which missing answers are waited for.
         self.deadline = math.inf
         # Agents that sessions have taken since the tick began.
-        self._back: set[str] = set()
+        self._taken: set[str] = set()
         # Agent -> the session that answered last, the tick, and the answer.
         self._last: dict[str, tuple[str, int, Report]] = {}
 
     def open(self, tick: int, lag: float = 0.0, due: Iterable[str] | None = None) -> None:
         super().open(tick, lag, due)
         self.reports = {}
-        self._back = set()
+        self._taken = set()
         self.deadline = self._clock() + self._patience
 
     def expect(self, name: str) -> None:
         """Wait for an agent that a session has just taken, and move the deadline for all agents.
 
-        Many sessions start slowly. Each agent moves the deadline once in a tick.
+        Many sessions that start at once start slowly, so each agent gives more time. It does so
+        once in a tick: a session that joins again and again must not stop the run.
         """
         super().expect(name)
         self.reports.pop(name, None)
-        if name not in self._back:
-            self._back.add(name)
+        if name not in self._taken:
+            self._taken.add(name)
             self.deadline = self._clock() + self._patience
 
     def take(self, name: str, owner: str, tick: int, report: Report) -> None:
         """Take the action of an owned agent.
 
-        Raises Refused if it is not one that physics waits for.
-
-        A repetition is passed over: a host sends it in case the first was lost.
+        Raises Refused if physics does not wait for it. But a repetition is passed over in silence:
+        a host sends its answer again when it gets a tick again, in case the first was lost.
         """
         self._refuse_other_owner(name, owner)
         is_awaited = tick == self.tick and name in self.missing
@@ -176,32 +183,39 @@ class TimedReport(NamedTuple):
 class RealtimeBarrier(Barrier):
     """The newest action of each owned agent.
 
-    A tick's answers have until the next tick is due; where the machine hiccups they have a moment
-    longer, which the ticks after it make up for. Then the step is done without those that are
-    missing.
+    Answers to a tick are waited for until the next tick is due, and SLACK seconds longer if the
+    machine is slow for a moment: the ticks after it make up for that. Then the step is done without
+    those that are missing.
     """
 
+    # LockstepBarrier says what these mean.
     mode = "realtime"
     watchdog = WATCHDOG
     # Sessions need only the newest tick.
     newest_wins = True
-    # The robots of a session that is gone are released at once, and stand.
+    # The robots of a session that is gone must stand at once.
     releases_at_once = True
 
     def __init__(self, roster: Roster, step: float, clock: Callable[[], float]) -> None:
         """`step`: s of wall time between two ticks."""
-        super().__init__(roster, clock)  # `reports`: those that were used first in the last step
+        super().__init__(roster, clock)
         self._step = step
         self._recent = RecentTicks(clock)
+        # Agent -> its newest action, which drives it.
         self._newest: dict[str, TimedReport] = {}
-        # Actions that no step has used.
+        # Agent -> its newest action, if no step has used it yet.
         self._fresh: dict[str, Report] = {}
-        # Name -> the last tick in which it moved.
+        # Agent -> the last tick at which its body got a velocity other than 0.
         self._moved: dict[str, int] = {}
         # Agents that did not answer the last tick in time.
         self._tardy: set[str] = set()
-        self._begun = self._patient = clock()
-        self._late = self._missed = 0
+        # s, on the clock: when the open tick began, and until when agents that answered the last
+        # tick in time are waited for.
+        self._begun = clock()
+        self._patient_until = self._begun
+        # Ticks that began late, and answers that were missing when their tick was stepped.
+        self._late_count = 0
+        self._missed_count = 0
         self._delays = Delays()
 
     # -- what arrives
@@ -210,17 +224,18 @@ class RealtimeBarrier(Barrier):
         super().open(tick, lag, due)
         self._recent.begin(tick)
         self._begun = self._clock()
-        self._patient = self._begun + max(self._step + SLACK - lag, self._step * SHARE)
-        self._late += lag > self._step * LATE
+        self._patient_until = self._begun + max(self._step + SLACK - lag, self._step * SHARE)
+        if lag > self._step * LATE:
+            self._late_count += 1
 
     @property
     def deadline(self) -> float:
-        """The time, on the clock, to wait for answers.
+        """s, on the clock, up to which answers are waited for.
 
-        Agents that missed the last tick do not delay others.
+        If only agents are missing that missed the last tick too, they must not delay the others.
         """
         if self.missing - self._tardy:
-            return self._patient
+            return self._patient_until
         return self._begun + self._step * SHARE
 
     def release(self, name: str) -> None:
@@ -258,25 +273,26 @@ class RealtimeBarrier(Barrier):
     def actions(self) -> dict[str, Action]:
         """Return the actions to apply, in the order of names; each deed is in them once."""
         owned = sorted(self._roster.owners)
-        answered = {name for name, put in self._newest.items() if put.tick == self.tick}
+        answered = {name for name, timed in self._newest.items() if timed.tick == self.tick}
         self._tardy = set(owned) - answered
-        self._missed += len(self._tardy)
+        self._missed_count += len(self._tardy)
         self.reports = self._fresh
         self._fresh = {}
         actions = {}
-        for name, put in sorted(self._newest.items()):
-            if not self._recent.is_over(put.tick, put.at, self.tick):
-                actions[name] = self._action(name, put)
+        for name, timed in sorted(self._newest.items()):
+            if not self._recent.is_over(timed.tick, timed.at, self.tick):
+                actions[name] = self._action(name, timed)
         return actions
 
-    def _action(self, name: str, put: TimedReport) -> Action:
+    def _action(self, name: str, timed: TimedReport) -> Action:
         """Return the action to apply. Its deeds and letters are in it at its first step only."""
         if name in self.reports:
             action: Action = self.reports[name]
         else:
-            action = replace(put.report, deeds=[], requests=[], answers=[])
-        # It has moved since the pose that this answers.
-        if put.report.once and self._moved.get(name, -1) >= put.tick:
+            action = replace(timed.report, deeds=[], requests=[], answers=[])
+        # A velocity that counts `once` leads from the pose of its tick to a target. The body has
+        # moved since, so it would lead past the target.
+        if timed.report.once and self._moved.get(name, -1) >= timed.tick:
             action = replace(action, twist=STILL)
         if action.twist != STILL:
             self._moved[name] = self.tick
@@ -285,35 +301,36 @@ class RealtimeBarrier(Barrier):
     def figures(self) -> dict[str, Any]:
         delays = {f"p{share}": self._delays.below(share) for share in (50, 99)}
         return {
-            "ticks_late": self._late,
-            "velocities_missed": self._missed,
+            "ticks_late": self._late_count,
+            "velocities_missed": self._missed_count,
             "answer_milliseconds": delays,
         }
 
 
 class Delays:
-    """The delays from the observations to the velocities.
+    """The delays from the observations of a tick to the answers.
 
-    They are counts in steps of 0.1 ms, so memory does not grow.
+    They are counted in steps of 0.1 ms, so memory does not grow.
     """
 
     STEP = 1e-4  # s
+    STEPS = 10_000  # 1 s
 
     def __init__(self) -> None:
-        # The last one counts all of 1 s or longer.
-        self._counts = np.zeros(10_001, dtype=np.int64)
+        # How many delays fell into each step; the last number counts all of 1 s or longer.
+        self._counts = np.zeros(self.STEPS + 1, dtype=np.int64)
 
     def add(self, seconds: float) -> None:
         """Count a delay."""
-        last = len(self._counts) - 1
         step = int(seconds / self.STEP)
-        self._counts[min(max(step, 0), last)] += 1
+        self._counts[min(max(step, 0), self.STEPS)] += 1
 
     def below(self, share: float) -> float:
         """Return the delay in ms that `share` per cent do not exceed; 0 without any."""
         total = int(self._counts.sum())
         if total == 0:
             return 0.0
+        # The first step up to which so many delays are counted; its upper end is the answer.
         step = int(np.searchsorted(np.cumsum(self._counts), share / 100 * total))
         return round((step + 1) * self.STEP * 1e3, 1)
 
@@ -321,7 +338,7 @@ class Delays:
 def _with_unused(before: Report | None, report: Report) -> Report:
     """Add to an action what no step has used of the one that it replaces.
 
-    That is its memory, letters and deeds.
+    That is its memory, letters and deeds. `before`: the action that is replaced, if any.
     """
     if before is None:
         return report

@@ -1,6 +1,7 @@
-"""Velocities of clients: for robots that no session owns, and advice.
+"""Velocities of clients, which are programs outside the run, such as a bridge or a joystick.
 
-Advice is for robots that their agents still drive.
+A client drives a robot that no session owns by its velocities. To a robot whose agent still drives
+it a client sends advice: a velocity that takes the place of the agent's for a while.
 """
 
 from collections import deque
@@ -24,10 +25,11 @@ WATCHDOG_TICKS = 5
 class RecentTicks:
     """The ticks of which velocities may still drive.
 
-    They are less than WATCHDOG_TICKS ticks, or `seconds`, ago.
+    They are less than WATCHDOG_TICKS ticks ago, or less than `seconds` of wall time ago.
     """
 
     def __init__(self, clock: Callable[[], float], seconds: float = WATCHDOG) -> None:
+        """`clock`: s of wall time, without pauses."""
         self.clock = clock
         self.newest = 0
         self._seconds = seconds
@@ -54,8 +56,8 @@ class RecentTicks:
         return now - tick >= WATCHDOG_TICKS and self.clock() - at >= self._seconds
 
 
-class _Put(NamedTuple):
-    """A velocity of a client, for a tick; `at`: when it came, s, on the clock."""
+class _Sent(NamedTuple):
+    """A velocity that a client sent for a tick; `at`: when it came, s, on the clock."""
 
     tick: int
     twist: Twist
@@ -71,8 +73,9 @@ class UnownedCommands:
     def __init__(self, clock: Callable[[], float], seconds: float = WATCHDOG) -> None:
         """`seconds`: of wall time that a velocity drives at least; 0 in lockstep."""
         self._recent = RecentTicks(clock, seconds)
-        self._puts: dict[str, _Put] = {}
-        # Deeds that no step has used.
+        # Robot -> its newest velocity.
+        self._sent: dict[str, _Sent] = {}
+        # Robot -> its deeds that no step has used.
         self._deeds: dict[str, list[Deed]] = {}
 
     def begin(self, tick: int) -> None:
@@ -80,35 +83,41 @@ class UnownedCommands:
         self._recent.begin(tick)
 
     def take(self, name: str, velocity: Velocity) -> None:
-        """Take a velocity for a robot. Raises Refused if it names an owner, or for its tick."""
+        """Take a velocity for a robot.
+
+        Raises Refused if it names an owner, for a client has none, or if its tick is too old, older
+        than that of the last one, or in the future.
+        """
         if velocity.owner:
             raise Refused("not owned", "no session owns this agent; join first")
-        if name in self._puts:
-            newest_put = self._puts[name].tick
-        else:
-            newest_put = 0
-        refuse_other_tick(velocity.tick, max(self._recent.oldest, newest_put), self._recent.newest)
-        self._puts[name] = _Put(velocity.tick, twist_of(velocity), self._recent.clock())
+        oldest = self._recent.oldest
+        if name in self._sent:
+            oldest = max(oldest, self._sent[name].tick)
+        refuse_other_tick(velocity.tick, oldest, self._recent.newest)
+        self._sent[name] = _Sent(velocity.tick, twist_of(velocity), self._recent.clock())
         self._deeds[name] = all_deeds(self._deeds.get(name, []), velocity.deeds)
 
     def drives(self, name: str) -> bool:
         """Whether a velocity drives a robot, as of the last step."""
-        return name in self._puts
+        return name in self._sent
 
     def actions(self, tick: int) -> dict[str, Action]:
         """Return the actions to apply at a tick, by name; each deed is in them once."""
         deeds = self._deeds
         self._deeds = {}
-        for name, put in list(self._puts.items()):
-            if self._recent.is_over(put.tick, put.at, tick):
-                del self._puts[name]
-        return {name: Action(put.twist, deeds.get(name, [])) for name, put in self._puts.items()}
+        actions = {}
+        for name, sent in list(self._sent.items()):
+            if self._recent.is_over(sent.tick, sent.at, tick):
+                del self._sent[name]
+            else:
+                actions[name] = Action(sent.twist, deeds.get(name, []))
+        return actions
 
 
 class Advised:
     """The newest advice for each robot.
 
-    It counts by simulated time: a paused or slow run changes nothing.
+    It drives for WATCHDOG_TICKS ticks of simulated time, so a paused or slow run changes nothing.
     """
 
     def __init__(self) -> None:
@@ -131,7 +140,8 @@ class Advised:
     ) -> dict[str, Action]:
         """Return the action of each advised robot, with the velocity of its advice.
 
-        It is its `own` one, or without one its `newest`, name -> action.
+        All else in it is from the robot's agent: from its answer to this tick, which is in `own`,
+        or from its last answer, which is in `newest`. Both are name -> action.
         """
         actions = {}
         for name, advice in list(self._newest.items()):
@@ -140,7 +150,7 @@ class Advised:
                 continue
             action = own.get(name)
             if action is None:
-                # It has done its deeds and sent its letters already.
+                # The deeds of the last answer are done, and its letters are sent, already.
                 before = newest.get(name) or Action()
                 action = replace(before, deeds=[], requests=[], answers=[])
             actions[name] = replace(action, twist=twist_of(advice), hold=None)
@@ -148,5 +158,9 @@ class Advised:
 
 
 def all_deeds(before: list[Deed], now: list[Deed]) -> list[Deed]:
-    """Return deeds that no step has used with newer ones, each once."""
-    return [*(deed for deed in before if deed not in now), *now][:MOST_DEEDS]
+    """Return deeds that no step has used, and then newer ones, each deed once.
+
+    They are at most MOST_DEEDS, as in one action.
+    """
+    not_repeated = [deed for deed in before if deed not in now]
+    return [*not_repeated, *now][:MOST_DEEDS]

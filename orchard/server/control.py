@@ -18,17 +18,18 @@ class RunClock:
     """The clock of a run: it stands while the run is paused.
 
     Deadlines, pace and watchdogs of a run read it, so a pause makes no agent late and no velocity
-    old. A pause takes effect between two steps. `pause`, `play` and `count_step` are called by the
-    thread that reads the clock.
+    old. A pause takes effect between two steps. It has no lock: the thread that reads the clock is
+    the one that pauses it.
     """
 
     def __init__(self, clock: Callable[[], float]) -> None:
+        """`clock`: s, which goes on in pauses."""
         self._clock = clock
-        # Steps that are done before the run is paused.
+        # Steps that are still done before the run is paused; infinity: it plays on.
         self._left: float = math.inf
-        # s, on `clock`: the begin of the pause; None while the run plays.
+        # s, on `clock`: the beginning of the pause; None while the run plays.
         self._since: float | None = None
-        # s in all pauses that are over.
+        # s, of all pauses that are over, together.
         self._paused = 0.0
 
     def __call__(self) -> float:
@@ -72,8 +73,10 @@ class Pacer:
     CATCH_UP = 0.25  # s: the largest delay that later ticks make up for
 
     def __init__(self, speed: float, clock: Callable[[], float]) -> None:
+        # s of wall time from a tick to the next one.
         self._step = TIME_STEP / speed
         self._clock = clock
+        # s, on the clock: when the next tick may begin; -infinity before the first tick.
         self._due = -math.inf
 
     def wait(self) -> float:
@@ -83,7 +86,10 @@ class Pacer:
     def begin(self) -> float:
         """Begin a tick, and return the seconds that it begins late."""
         now = self._clock()
-        due = now if self._due == -math.inf else self._due
+        due = self._due
+        if due == -math.inf:
+            # The first tick is in time.
+            due = now
         self._due = max(due, now - self.CATCH_UP) + self._step
         return max(0.0, now - due)
 
@@ -105,8 +111,9 @@ class SimulationControl:
         self._tick = tick
         # The state that was published last.
         self._state: StateOfSimulation = "stopped"
-        self._begun = self._ended = False
-        # A query that waits for the last of its steps.
+        self._begun = False
+        self._ended = False
+        # The query for some steps, which gets its reply after the last one of them.
         self._stepping: Query | None = None
 
     @property
@@ -141,9 +148,9 @@ class SimulationControl:
         self.publish()
 
     def step(self, query: Query, steps: int) -> None:
-        """Do some steps.
+        """Let a paused run do some steps. `finish_steps` replies to the query when they are done.
 
-        `finish_steps` replies to the query. Raises Refused unless the run is paused.
+        Raises Refused if the run is not paused.
         """
         if not self.clock.is_paused:
             raise Refused("not paused", "only a paused run does single steps; pause it first")
@@ -153,7 +160,7 @@ class SimulationControl:
         self.publish()
 
     def keeps(self, query: Query) -> bool:
-        """Whether the reply to a query is still to come."""
+        """Whether a query gets its reply later, so that it must not be dropped yet."""
         return query is self._stepping
 
     def finish_steps(self) -> None:

@@ -1,6 +1,8 @@
-"""Collects the velocities for each tick.
+"""Physics' side of the exchange of each tick: which agents are asked, and what they answer.
 
-They are of sessions that own agents, and of clients for robots that no session owns.
+Velocities come from sessions, which own agents (roster.py), and from clients, which drive robots
+that no session owns, or advise robots (commands.py). `Inbound` passes them on to `Drivers`, and
+`RunLoop` calls the rest.
 """
 
 from collections import Counter
@@ -23,16 +25,13 @@ from orchard.wire.messages import Advice, Report, Velocities, Velocity
 
 # What takes the place of an action that is refused.
 BROKEN = Report(doing="broken", state="broken")
-# An action that is malformed for so many times in turn is its client's mistake. Fewer may have
-# changed on their way.
+# An action that is malformed so many times in turn is a mistake of its sender's program. If it is
+# malformed fewer times, bytes of it may have changed on their way.
 MALFORMED_IN_TURN = 5
 
 
 class Drivers:
-    """Physics' side of each tick's exchange.
-
-    `answers` is the barrier that decides when all answers are in.
-    """
+    """Asks the agents at each tick, and collects the actions for the step."""
 
     def __init__(
         self,
@@ -44,6 +43,10 @@ class Drivers:
         publisher: Publisher,
         clock: Callable[[], float],
     ) -> None:
+        """`answers`: the barrier, which decides when all answers to a tick are in.
+
+        `clock`: s of wall time, without pauses.
+        """
         self._engine = engine
         self._publisher = publisher
         self.roster = roster
@@ -51,10 +54,12 @@ class Drivers:
         self.recovery_log = recovery_log
         self.unowned = UnownedCommands(clock, answers.watchdog)
         self.advised = Advised()
-        # Agent -> the first tick for which lockstep has not waited for it.
+        # Agent -> the first tick at which lockstep did not wait for it. From then on the hash is
+        # not promised.
         self.lost: dict[str, int] = {}
         # Session id -> its agents that are asked at this tick.
         self.due: dict[str, list[str]] = {}
+        # What was observed at this tick, to send it again.
         self._seen: Observations | None = None
         # Agent -> how many of its actions were refused as malformed, in turn.
         self._malformed: Counter[str] = Counter()
@@ -62,7 +67,7 @@ class Drivers:
     # -- which session owns which agent
 
     def token(self, name: str, owner: str, up: bool) -> None:
-        """Record a token as `Roster.token` does.
+        """Record a liveliness token that appeared (`up`) or is gone, as `Roster.token` does.
 
         In realtime, release an agent if its session is gone.
         """
@@ -75,9 +80,9 @@ class Drivers:
         self.roster.leave(owner)
 
     def join(self, names: Sequence[str], owner: str) -> dict[str, str]:
-        """Let a session own all these agents, or none.
+        """Let a session own all these agents, or none of them if it cannot own one.
 
-        Return name -> why it cannot; empty if it holds all.
+        Return name -> why it cannot own the agent; empty if it owns all now.
         """
         refused = {}
         for name in names:
@@ -88,13 +93,16 @@ class Drivers:
         if not refused:
             for name in names:
                 self.roster.join(name, owner)
+                # A Counter ignores a missing name here.
                 del self._malformed[name]
+        # Sessions that have lost their last agent to this one.
         self._publisher.retire(before - self.roster.sessions)
         return refused
 
     def expect(self, names: Sequence[str], owner: str) -> None:
-        """Ask agents that have just joined: in the tick that is under way, else in the next."""
-        if names and self.answers.tick == self._engine.tick:
+        """Ask agents that a session has just taken: at the tick that is open, else at the next."""
+        is_tick_open = self.answers.tick == self._engine.tick
+        if names and is_tick_open:
             for name in names:
                 self.answers.expect(name)
             self.due.setdefault(owner, [])
@@ -103,7 +111,7 @@ class Drivers:
         self._engine.wake(names)
 
     def release(self, names: set[str]) -> None:
-        """Take these agents from their sessions, and tell these."""
+        """Take these agents from their sessions, and tell these sessions."""
         for name in names:
             self.answers.release(name)
         self._engine.wake(names)
@@ -127,8 +135,12 @@ class Drivers:
         self.release(released)
 
     def miss(self, names: Collection[str]) -> None:
-        """Note that lockstep does not wait for these agents from now on."""
+        """Note that lockstep does not wait for these agents from now on.
+
+        In realtime nothing is noted: there no hash is promised.
+        """
         if not self.answers.releases_at_once:
+            # The tick of an agent that was lost before stays.
             self.lost = dict.fromkeys(sorted(names), self._engine.tick) | self.lost
 
     def drives(self, name: str) -> bool:
@@ -152,7 +164,7 @@ class Drivers:
     # -- a tick
 
     def begin(self, seen: Observations, lag: float) -> None:
-        """Ask the agents that are due, and publish the tick.
+        """Open a tick: ask the agents that are due at it, and publish it.
 
         `lag`: seconds that the tick begins late.
         """
@@ -171,11 +183,9 @@ class Drivers:
         return {self.roster.owners[name] for name in self.answers.missing}
 
     def show(self, owners: Collection[str]) -> None:
-        """Send the tick that is under way to these sessions.
-
-        They have not answered it, or have just joined.
-        """
+        """Send the open tick again, to sessions that have not answered it or have just joined."""
         assert self._seen is not None
+        # A session that has just joined subscribes to it only now.
         self._publisher.refresh_subscribers()
         self._show(self._seen, {owner: self.due[owner] for owner in sorted(owners)})
 
@@ -194,6 +204,8 @@ class Drivers:
 
         Memories and letters are kept for sessions that join later.
         """
+        # In realtime these are the reports that the step before has used: there no tick waits for
+        # mail, so it does not matter that they are kept a tick later.
         self.recovery_log.keep(tick, self.answers.reports)
         own = {**self.answers.actions(), **self.unowned.actions(tick)}
         advised = self.advised.actions(tick, own, self._engine.actions)
@@ -245,13 +257,13 @@ class Drivers:
         self.answers.take(name, owner, tick, report)
 
     def act_all(self, message: Velocities, malformed: Mapping[str, Refused]) -> list[Refused]:
-        """Take the actions of a session, each by itself.
+        """Take the actions of a session, each by itself. Return the refusals.
 
-        Return the refusals. `malformed`: name -> why its action is not in the message.
+        `malformed`: name -> why its action could not be read.
 
-        An action that is malformed or out of bounds may have changed on its way: its session sends
-        it again. If that is no better for MALFORMED_IN_TURN times, the robot stands in this tick,
-        so that the others need not wait for it.
+        Bytes of an action that is malformed or out of bounds may have changed on their way: its
+        session sends it again. After MALFORMED_IN_TURN such actions in turn the robot stands in
+        this tick, so that the others need not wait for it.
         """
         refused = dict(malformed)
         is_heard = self._publisher.are_robots_heard()

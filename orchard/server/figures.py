@@ -17,6 +17,7 @@ from orchard.sim.snapshot import SnapshotError
 from orchard.sim.stops import as_shown
 from orchard.wire import messages
 
+# s of wall time; the limit, 32 years, refuses what a spoiled snapshot may hold.
 Seconds = Annotated[float, Meta(ge=0.0, le=1e9)]
 FIGURES_SECONDS = 0.5  # s of wall time between two messages with figures
 
@@ -27,9 +28,10 @@ class RunFigures:
     def __init__(
         self, engine: Engine, clock: Callable[[], float], before: Mapping[str, Any] | None = None
     ) -> None:
-        """`clock`: s, of the run.
+        """`clock`: s of wall time, without pauses.
 
-        `before`: what `as_data` returned, for a run that is resumed. Raises SnapshotError.
+        `before`: what `as_data` returned, for a run that is resumed. Raises SnapshotError if it is
+        malformed.
         """
         self._engine = engine
         self._world = engine.world
@@ -73,15 +75,15 @@ class RunFigures:
     def jam(self) -> list[str]:
         """Which robot waits for what, one line each, if the run is jammed; else empty.
 
-        It is if there was no progress for ten simulated minutes.
+        A run is jammed if there was no progress for ten simulated minutes.
         """
         return jam_of(self._engine, self._figures)
 
     @property
     def fault(self) -> str:
-        """Why the run must end before the harvest; '' if it goes on.
+        """Why the run must end before the harvest is done; '' if it goes on.
 
-        It is 'broken', 'jammed', or 'refused' if the scenario says so.
+        It is 'jammed', or, if the scenario ends runs for these faults, 'broken' or 'refused'.
         """
         return fault_of(self._engine, self._figures)
 
@@ -98,19 +100,18 @@ class RunFigures:
         }
 
     def summary(self) -> dict[str, Any]:
-        """Return the figures of the whole run, its scenario, and its course over time.
-
-        The course is that of `History`.
-        """
+        """Return the figures of the whole run, its scenario, and its course over time."""
         states = self._engine.states
-        # Losses are known if the scenario alone has led to this end.
+        # Lost seconds are differences to harvests of the event model of the same scenario. So they
+        # are known only if the scenario alone has led to this end: no stop by a user, no fork.
         was_stopped = any(states.counts.stopped.values())
         lost = {}
         if self._engine.over and not self._is_changed and not was_stopped:
             lost = lost_seconds(self._world.layout, self._world.seconds)
         now = sample_of(self._world, states, self._figures.busy_ticks)
         figures = self.figures()
-        # No schedule is shorter than the optimum.
+        # This figure is the length of the harvest without traffic, an estimate. It cannot be below
+        # the optimum, which is proven.
         least = max(figures["schedule_sim_seconds"], lost.get("optimum", 0.0))
         return figures | {
             "schedule_sim_seconds": least,

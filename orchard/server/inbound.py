@@ -1,6 +1,8 @@
 """Handles what arrives at physics: samples, liveliness tokens and queries.
 
-Messages that are refused are counted.
+Samples are messages on a key; queries are questions that get a reply. A process declares a
+liveliness token, a key that shows the others that it is connected. A message that does not count is
+refused: it is counted, and its sender is told why.
 """
 
 import math
@@ -29,11 +31,11 @@ from orchard.wire import messages as wire
 from orchard.wire.codec import orchard_of, velocities_of
 from orchard.wire.keys import LOGGER, Keys
 
-# The queries that only ask.
+# The queries that only ask: they have no payload.
 NO_PAYLOAD = ("scenario", "layout", "simulation_state")
 # Refusals that are published in a second.
 MOST_PUBLISHED = 100
-# After physics begins to listen; a run that appears later must end itself.
+# s after physics begins to listen. A run that appears later is the newer one, and must end itself.
 OTHER_RUN_SECONDS = 3.0
 
 
@@ -56,9 +58,10 @@ class Queries:
         }
 
     def reply(self, query: Query) -> None:
-        """Reply to a query, and drop it, or later if it is for steps.
+        """Reply to a query, and drop it: that tells the sender that no more replies come.
 
-        One that is refused gets an error reply, and raises Refused.
+        A query for steps gets its reply when they are done. A query that is refused gets an error
+        reply, and Refused is raised.
         """
         try:
             self._method_for(query)(query)
@@ -107,7 +110,10 @@ class Queries:
         self._run.control.step(query, steps)
 
     def _join(self, session: str, query: Query) -> None:
-        """Let a session own agents. The reply has their memories."""
+        """Let a session own agents. The reply has their memories.
+
+        Then the agents are asked: their session must have the memories before the first tick.
+        """
         join = read_message(query.payload, wire.Join, self._run.id)
         _refuse_other_session(join.owner, session)
         drivers = self._run.drivers
@@ -129,13 +135,14 @@ class Queries:
         query.reply(pack(wire.Recalled(run.id, tick, run.drivers.letters())))
 
     def _stop(self, query: Query) -> None:
-        """Stop or reset robots; nothing overrides a stop.
+        """Stop robots, or let stopped ones move again. Nothing else moves a stopped robot.
 
-        The reply says whether it is in a snapshot.
+        The reply says whether the stop is in a snapshot on the disk, so that it outlives physics.
         """
         run = self._run
         engine = run.engine
         request = read_message(query.payload, wire.Stop, run.id)
+        # A snapshot may be written now, and must have the figures of the last step.
         run.report()
         with refused_for("no such robot"):
             if request.stop:
@@ -159,7 +166,7 @@ class Queries:
             raise RunEnded("stopped")
 
     def _reset_simulation(self, query: Query) -> None:
-        """Let the run begin again, with another seed if one is named. Raises RunReset."""
+        """Let the run begin again, with another seed if the query has one. Raises RunReset."""
         run = self._run
         wanted = read_message(query.payload, wire.ResetSimulation, run.id)
         if run.drivers.roster.has_logger:
@@ -170,6 +177,8 @@ class Queries:
             scenario["seed"] = wanted.seed
         with refused_for("malformed"):
             check(scenario, "the scenario")
+        # Before it says yes, it writes a snapshot. If physics dies, the run goes on from there and
+        # can be reset again.
         run.report()
         if run.may_be_kept and not run.keep_at_once():
             risk = "the death of physics would undo the reset"
@@ -180,25 +189,26 @@ class Queries:
 
 
 class OtherRuns:
-    """Ends a run that is newer than another one at its router, with its prefix.
+    """Ends this run if an older run is active at the same router with the same prefix.
 
     Theory of operation. The liveliness token of another run does not show that it is active: a
     process that was killed keeps it for a moment, and in an open run any client may declare it. So
-    physics asks for the run at this router, and the other one counts if it replies while its token
-    is there.
+    physics asks for the run at this router, as a host does that wants to join. The other run counts
+    if it replies while its token is there.
     """
 
     def __init__(self, bus: Bus, keys: Keys, run: str) -> None:
-        """`run`: the id of the own run."""
+        """`run`: the id of this run."""
         self._bus = bus
         self._keys = keys
         self._run = run
-        # s, on the clock of the bus: a run that appears after that is newer.
+        # s, on the clock of the bus: a run that appears later is newer than this one.
         self._newer_from = math.inf
-        # The tokens of runs that were there before this one.
+        # The keys of the tokens of runs that were there before this one.
         self._tokens: set[str] = set()
-        # The questions that have been sent since the last token came.
+        # How many questions have been sent since the last token came.
         self._asked = 0
+        # An object that marks the replies to the last question.
         self._ticket: object = None
 
     def listen(self) -> None:
@@ -206,7 +216,7 @@ class OtherRuns:
         self._newer_from = self._bus.clock() + OTHER_RUN_SECONDS
 
     def track(self, alive: Alive, run: str, has_begun: bool) -> None:
-        """Record a token of physics of a run. `has_begun`: whether the own run has."""
+        """Record a token of physics, of any run. `has_begun`: whether this run has begun."""
         is_newer = has_begun or self._bus.clock() >= self._newer_from
         if not alive.up:
             self._tokens.discard(alive.key)
@@ -238,7 +248,8 @@ class OtherRuns:
         self._bus.ask(self._keys.of("scenario"), b"", self._ticket)
 
     def _end_beside(self, run: str) -> None:
-        """Raise BusError if a run is another one, and its token is there."""
+        """Raise BusError if a run that has replied is an older one whose token is there."""
+        # The key of a token is alive/physics/RUN/SESSION.
         runs = [self._keys.parts(token)[2] for token in self._tokens]
         if run in runs:
             fault = f"{self._bus.endpoint}: run {printable(run)} is active there"
@@ -254,7 +265,7 @@ class Inbound:
         self._keys = keys
         self._run = run
         self._queries = Queries(keys, run)
-        # The refusals that were published in this second.
+        # (key, reason) of the refusals that were published in this second.
         self._published: set[tuple[str, wire.Reason]] = set()
         self._published_since = -math.inf  # s, on the clock of the bus
         self._other_runs = OtherRuns(bus, keys, run.id)
@@ -276,7 +287,10 @@ class Inbound:
         self._bus.declare_alive(self._token_of_physics)
 
     def leave(self) -> None:
-        """Remove the liveliness token: only then does the end count for others."""
+        """Remove the liveliness token.
+
+        Only then the other processes believe the message of the end: see orchard/net/ending.py.
+        """
         self._bus.withdraw(self._token_of_physics)
 
     @property
@@ -285,9 +299,9 @@ class Inbound:
         return self._keys.of("physics", self._run.id, self._bus.id)
 
     def take(self, seconds: float, enough: int = 1) -> bool:
-        """Handle one item.
+        """Handle one item. Return False if none came in `seconds`.
 
-        Return False if none came in `seconds`. Raises RunEnded. `enough`: as for `Inbox.take`.
+        `enough`: how many items wake it that came quietly, as for `Inbox.take`. Raises RunEnded.
         """
         item = self._bus.inbox.take(seconds, enough)
         if item is not None:
@@ -327,7 +341,7 @@ class Inbound:
     def take_after_end(self, seconds: float) -> Item | None:
         """Handle one item after the run's end, when only tokens and `left` count.
 
-        Return it; None without one.
+        Return the item; None if none came in `seconds`.
         """
         item = self._bus.inbox.take(seconds)
         with suppress(Refused):
@@ -394,13 +408,14 @@ class Inbound:
         return self._run.drivers.act_all(actions, refused)
 
     def _token(self, alive: Alive) -> None:
-        """Record a token. Raises Refused."""
+        """Record a token of physics, of the logger or of an agent. Raises Refused."""
         match self._keys.parts(alive.key):
             case ["alive", "physics", run, _]:
                 self._other_runs.track(alive, run, self._run.has_begun)
             case _:
                 name, owner = self._owner_of(alive.key)
                 if name == LOGGER and alive.up:
+                    # A logger that has just come can record from a whole frame on.
                     self._run.account.begin_whole()
                 self._run.drivers.token(name, owner, alive.up)
 

@@ -1,4 +1,7 @@
-"""The loop of a run: publish a tick, wait until the barrier has all answers of the agents, step."""
+"""The loop of a run: publish a tick, wait until the barrier has all answers of the agents, step.
+
+The process of physics (processes/physics.py) plays it.
+"""
 
 import logging
 import math
@@ -48,7 +51,8 @@ class RunLoop:
         self.run = PhysicsRun(bus, keys, engine, options, before)
         self.arrivals = Inbound(bus, keys, self.run)
         self._drivers = self.run.drivers
-        # Before the first tick not all had come.
+        # The agents that had a session in the snapshot. None: all agents are waited for, because
+        # the run is new, or its snapshot is from before the first tick, when not all had come.
         self._owned_before: list[str] | None = None
         if before and engine.tick > 0:
             self._owned_before = before.owned
@@ -58,9 +62,9 @@ class RunLoop:
         self.again: RunOptions | None = None
 
     def play(self, get_ready: Callable[[], None]) -> End:
-        """Run all ticks, and publish the end. Return it.
+        """Run all ticks, and publish the end. Return its message.
 
-        `get_ready`: called before the first tick.
+        `get_ready`: called before the first tick; it compiles the kernels while agents join.
         """
         try:
             why = self._play_ticks(get_ready)
@@ -74,6 +78,7 @@ class RunLoop:
     def _play_ticks(self, get_ready: Callable[[], None]) -> str:
         """Run all ticks, and return why the run is over. Raises RunEnded."""
         ticks = last_tick(self.options.duration)
+        # What waits is handled first: a signal to stop must not wait for what takes long.
         for _ in range(len(self.bus.inbox)):
             self.arrivals.take(0.0)
         get_ready()
@@ -103,6 +108,7 @@ class RunLoop:
         """Keep what counts of the run, publish its end, and wait until sessions have left."""
         self.run.control.set("quitting")
         self.run.report()
+        # From such an end a user may go on. A reset has kept what it needs.
         if why in ("stopped", "duration"):
             self.run.keep()
         self.run.account.close()
@@ -113,6 +119,7 @@ class RunLoop:
         self.run.publisher.publish("end", end)
         self.arrivals.leave()
         if why == RESET:
+            # The next run begins at the same router, so all sessions of this one must leave first.
             self._await_leaving(end, self.options.patience)
         else:
             self._await_leaving(end, LEAVE_SECONDS)
@@ -121,8 +128,9 @@ class RunLoop:
     def gather(self) -> None:
         """Wait for all expected agents, and for the logger if the run is recorded.
 
-        So the recording begins with the run. A run that is resumed waits for those that had an
-        owner, for `patience` seconds, renewed by each that returns: many start slowly.
+        So the recording begins with the run. A new run waits for its agents without a limit. A run
+        that is resumed waits for the agents that had an owner, until none of them has come for
+        `patience` seconds: many that start at once start slowly.
         """
         if self._owned_before is None:
             wanted: Sequence[str] = self._drivers.roster.names
@@ -169,7 +177,7 @@ class RunLoop:
                 log.warning("waiting for the logger")
 
     def _tick(self) -> None:
-        """Publish a tick, report the step before it meanwhile, and step."""
+        """Publish a tick, report the step before it while the agents think, and step."""
         self._drivers.begin(self._engine.observe(), self._pacer.begin())
         self._engine.account()
         self.run.report()
@@ -183,6 +191,8 @@ class RunLoop:
         Then all answers are in or their time is over, the next tick is due, and the run plays.
         """
         self._await_answers()
+        # Whatever arrives may pause the run, or bring a session whose agents must be asked. So the
+        # answers are waited for again after each item.
         while self._clock.is_paused or self.arrivals.take(self._pacer.wait()) or self._pacer.wait():
             self._await_answers()
 
@@ -200,6 +210,7 @@ class RunLoop:
             warn_at = self._clock() + WARN_SECONDS
         while answers.missing:
             until = min(answers.deadline, again_at)
+            # Answers come quietly, one from each session: it need not wake up before the last one.
             enough = 1
             if not len(self.bus.inbox):
                 enough = len(drivers.silent())
@@ -226,14 +237,17 @@ class RunLoop:
         )
 
     def _stand_by(self) -> None:
-        """Take what arrives while the run is paused.
+        """Take what arrives while the run is paused. It returns at once if the run plays.
 
-        No agent is late meanwhile, and the tick is published repeatedly.
+        The clock stands meanwhile, so no agent is late. The tick is sent again to sessions that
+        have not answered it.
         """
         control = self.run.control
         while self._clock.is_paused:
             control.publish()
             self.run.publisher.send_bundle(self._engine.tick)
+            # The steps of a query are over when all have answered the tick after the last one, or
+            # after a moment in which nothing came.
             if not self._drivers.answers.missing:
                 control.finish_steps()
             if not self.arrivals.take(AGAIN_SECONDS):
@@ -241,10 +255,10 @@ class RunLoop:
                 self._drivers.show(self._drivers.silent())
 
     def _await_leaving(self, end: End, seconds: float) -> None:
-        """Publish the end until all sessions have left.
+        """Publish the end again and again until all sessions have left.
 
         It waits at most `seconds` until all tokens are gone, and at most LEAVE_SECONDS until all
-        have said that they leave.
+        have said that they leave. A signal ends the waiting.
         """
         roster = self._drivers.roster
         now = self.bus.clock()

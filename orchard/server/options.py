@@ -1,4 +1,8 @@
-"""How physics runs an orchard: the options of a run."""
+"""How physics runs an orchard: the options of its process.
+
+`orchard` starts the process with them (orchard/launch/distributed.py); --help of
+processes/physics.py shows them.
+"""
 
 import math
 from pathlib import Path
@@ -28,7 +32,7 @@ def last_tick(duration: float | None) -> float:
 class RunOptions(ProcessOptions, frozen=True, kw_only=True):
     """Simulate the world of an orchard."""
 
-    # Or its file.
+    # Its values, name -> value, or the path of its file.
     scenario: Annotated[
         dict[str, Any] | str, option("SCENARIO.yaml", "default: the built-in scenario", nargs="?")
     ] = {}
@@ -58,7 +62,7 @@ class RunOptions(ProcessOptions, frozen=True, kw_only=True):
         list[str],
         option("KIND|NAME", "clients elsewhere drive these agents, which forks say (repeatable)"),
     ] = []
-    recorded: Annotated[bool, option("", "the first tick waits for a logger, at most 10 s")] = False
+    recorded: Annotated[bool, option("", "the first tick waits for a logger, at most 60 s")] = False
     snapshots: Annotated[str | None, option("DIR", "folder for snapshots of the run")] = None
     snapshot_every: Annotated[
         Positive, option("SECONDS", "wall time, above 0, between two snapshots; default: 2")

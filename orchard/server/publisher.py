@@ -1,4 +1,9 @@
-"""Publishes the messages of physics. Most are packed only if a session subscribes to them."""
+"""Publishes the messages of physics. Most are packed only if a session subscribes to them.
+
+Sessions with agents get what these observe. Observers, such as the logger and viewers, get events,
+letters and pictures, several ticks in one message, the bundle: ten small messages cost six times as
+much as one.
+"""
 
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -28,11 +33,11 @@ from orchard.wire.messages import (
 
 log = logging.getLogger("orchard")
 
-# Between two checks for subscribers.
+# s, on the clock of the bus, between two checks for subscribers.
 RECHECK_SECONDS = 0.05
-# From one bundle to the next at most.
+# A bundle is sent after so many ticks, or after so many seconds, on the clock of the bus.
 BUNDLE_TICKS = 10
-BUNDLE_SECONDS = 0.05  # s, on the clock of the bus
+BUNDLE_SECONDS = 0.05
 
 
 class Publisher:
@@ -41,10 +46,8 @@ class Publisher:
     def __init__(
         self, bus: Bus, keys: Keys, run: str, layout: Layout, newest_wins: bool = False
     ) -> None:
-        """Publish nothing yet.
-
-        `newest_wins`: publish what belongs to a tick without waiting; a slow subscriber misses
-        some.
+        """`newest_wins`: publish what belongs to a tick without waiting for slow subscribers: they
+        miss some ticks then.
         """
         self._bus = bus
         self._keys = keys
@@ -54,9 +57,9 @@ class Publisher:
         # Keys -> whether a session subscribes, as of the last check.
         self._heard: dict[str, bool] = {}
         self._recheck_at = 0.0  # s, on the clock of the bus
-        # What is told, and not sent yet.
+        # Kind -> messages that wait to be sent in the next bundle, in the order of its fields.
         self._bundle: dict[str, list[Any]] = {"events": [], "letters": [], "picture": []}
-        self._bundled_at = 0.0  # s, on the clock of the bus, when it was last sent
+        self._bundled_at = 0.0  # s, on the clock of the bus, when a bundle was last sent
 
     # -- a tick
 
@@ -65,7 +68,7 @@ class Publisher:
     ) -> None:
         """Send each session what its agents observe that are asked, and the requests to them.
 
-        `due`: session id -> its agents. `asked`: all requests of the tick before.
+        `due`: session id -> its agents that are asked. `asked`: all requests of the tick before.
         """
         for owner, names in due.items():
             heard = [request for request in asked if request.to in names]
@@ -143,27 +146,31 @@ class Publisher:
     # -- what observers get
 
     def tell(self, kind: str, message: Callable[[], Message]) -> None:
-        """Publish what belongs to a step, on its own key and in the next bundle.
+        """Publish what belongs to a step, on the key of its kind and in the next bundle.
 
-        It does each if a session subscribes to it. `message`: makes the message.
+        It does each only if a session subscribes to it; but events, which are rare, always have
+        their key. `message`: makes the message.
         """
-        is_alone = kind == "events" or self.is_heard(kind)
+        is_on_its_key = kind == "events" or self.is_heard(kind)
         is_bundled = self.is_heard("bundle")
-        if not is_alone and not is_bundled:
+        if not is_on_its_key and not is_bundled:
             return
         news = message()
-        if is_alone:
+        if is_on_its_key:
             self.publish(kind, news)
         if is_bundled:
             self._bundle[kind].append(news)
 
     def is_bundle_due(self) -> bool:
-        """Whether enough waits to be sent, or for long enough."""
+        """Whether enough messages wait to be sent, or whether the last bundle is long ago."""
         is_late = self._bus.clock() >= self._bundled_at + BUNDLE_SECONDS
         return is_late or len(self._bundle["picture"]) >= BUNDLE_TICKS
 
     def send_bundle(self, tick: int) -> None:
-        """Send what waits to be sent, before all that a logger must hear after it."""
+        """Send what waits to be sent.
+
+        It is called, too, before a message that a logger must hear after what waits.
+        """
         self._bundled_at = self._bus.clock()
         if any(self._bundle.values()):
             self.publish("bundle", Bundle(self.run, tick, *self._bundle.values()))
@@ -173,7 +180,7 @@ class Publisher:
     # -- subscribers
 
     def refresh_subscribers(self) -> None:
-        """Forget which keys have subscribers.
+        """Forget which keys have subscribers, so that the bus is asked again.
 
         That is done every RECHECK_SECONDS, and when a tick is sent again.
         """

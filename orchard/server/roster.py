@@ -1,8 +1,10 @@
 """Which session owns which agent, and what a session needs to take over agents.
 
-Theory of operation. A session owns an agent from its join on, if it shows that it lives by a
-liveliness token. Physics keeps the newest memory of each agent and the letters of the last two
-ticks, so another session can take over at any tick, and the run keeps its hash.
+Theory of operation. A session is the connection of one process to the bus. It declares a liveliness
+token for each agent that it wants: the token shows that it lives, and goes when it does not. With
+the token it may join, and from then on it owns the agent. Physics keeps the newest memory of each
+agent and the letters of the last two ticks, so another session can take over at any tick, and the
+run keeps its hash.
 
     state of an agent | what happens                                   | next state
     ------------------+------------------------------------------------+----------------------------
@@ -24,7 +26,7 @@ from orchard.net.refusals import NO_TOKEN, TAKEN, Refused
 from orchard.wire.keys import LOGGER
 from orchard.wire.messages import AskedOf, Report
 
-# Liveliness tokens that are stored.
+# Liveliness tokens that are stored at most: in an open run any client may declare some.
 MOST_TOKENS = 10_000
 
 
@@ -42,9 +44,10 @@ class Roster:
         self._leaving: set[str] = set()
 
     def token(self, name: str, owner: str, up: bool) -> None:
-        """Record a liveliness token that appeared (`up`) or is gone: its session keeps its agents.
+        """Record a liveliness token that appeared (`up`) or is gone.
 
-        Raises Refused.
+        A session whose token is gone keeps its agents until others take them. Raises Refused if
+        there are too many tokens.
         """
         if up and len(self.tokens) >= MOST_TOKENS:
             raise Refused("too many", f"there are {MOST_TOKENS} liveliness tokens")
@@ -60,6 +63,7 @@ class Roster:
         if (name, owner) not in self.tokens:
             return NO_TOKEN
         before = self.owners.get(name, owner)
+        # The agent is free, or the session's already, or its owner is gone.
         if before == owner or (name, before) not in self.tokens:
             return ""
         way_out = f"a run that is started --without {name} leaves it to others"
@@ -89,7 +93,7 @@ class Roster:
     def all_have_left(self) -> bool:
         """Whether no token is there, and each agent's last owner has said that it leaves.
 
-        Another owner may only be cut off.
+        An owner without a token that has not said so may only be cut off, and come back.
         """
         return not self.tokens and self._leaving.issuperset(self._last_owners.values())
 
@@ -117,7 +121,11 @@ class RecoveryLog:
         self.letters: dict[int, dict[str, Written]] = dict(letters)  # tick -> sender -> its letters
 
     def keep(self, tick: int, reports: Mapping[str, Report]) -> None:
-        """Store the memories and letters in the reports of the tick that was stepped last."""
+        """Store the memories and letters of the reports of a tick, agent -> report.
+
+        A report without a memory says that the memory has not changed. Letters that are older than
+        those of the tick before are forgotten.
+        """
         written = {}
         for name, report in reports.items():
             if report.memory is not None:
@@ -142,7 +150,7 @@ class RecoveryLog:
         return names
 
     def asked(self, tick: int) -> list[AskedOf]:
-        """Return the requests of a tick: which agents each session is asked for, and its number."""
+        """Return the requests of a tick: recipient, sender, and the number among the sender's."""
         requests = []
         for sender, letters in self.letters.get(tick, {}).items():
             for number, (to, _) in enumerate(letters.requests):

@@ -1,4 +1,8 @@
-"""What the physics process owns of a run: its world, drivers, reports and snapshots."""
+"""What the physics process owns of a run: its world, drivers, reports and snapshots.
+
+`RunLoop` (loop.py) calls it, and decides when a step is done. `Inbound` (inbound.py) reaches the
+parts of the run through it.
+"""
 
 import uuid
 from functools import partial
@@ -37,7 +41,7 @@ class RunReset(RunEnded):
 
 
 class PhysicsRun:
-    """The parts of one run, its steps and their reports. `RunLoop` decides when a step is done."""
+    """The parts of one run, its steps and their reports."""
 
     def __init__(
         self,
@@ -53,11 +57,12 @@ class PhysicsRun:
         """
         self.engine = engine
         self.id = _id_of(options, before)
-        # The agents that are left to clients elsewhere.
+        # The agents that clients elsewhere drive, for forks of this run.
         self._elsewhere: list[str] = []
         if options.without:
             self._elsewhere = select_agents(engine.layout.agents, options.without, [])
-        # The agents that had a session before. Some may not come back.
+        # The agents that had a session in the snapshot. A snapshot that is written before the first
+        # tick names them again, for not all may have come back yet.
         if before:
             self._owned_before = before.owned
         else:
@@ -109,9 +114,9 @@ class PhysicsRun:
         self._publish_figures()
 
     def step(self) -> None:
-        """Step with the velocities that have come.
+        """Do the step with the velocities that have come.
 
-        `report` reports it later, while the agents think.
+        `report` counts and publishes it later, while the agents think about the next tick.
         """
         tick = self.engine.tick
         actions = self.drivers.actions(tick)
@@ -120,7 +125,7 @@ class PhysicsRun:
         self.control.clock.count_step()
 
     def report(self) -> None:
-        """Count and publish the results of the last step, unless that is done."""
+        """Count and publish the results of the last step, unless that has been done."""
         if self._pending is None:
             return
         tick, events = self._pending

@@ -1,6 +1,8 @@
 """Writes snapshots of a run at intervals, and finds the newest one to go on from.
 
-orchard/sim/snapshot.py says which files a folder holds.
+A snapshot is a file with the whole state of a run; a keyframe is one that stays, for forks.
+orchard/sim/snapshot.py says which files a folder holds. Both loops use this: that with a network
+(run.py) and that of local mode (orchard/launch/local_run.py).
 """
 
 import fcntl
@@ -32,7 +34,8 @@ def sole_writer(folder: Path | None) -> Iterator[None]:
     Raises SnapshotError if another one does.
     """
     opened: int | None = None
-    # Without the folder there is no lock: SnapshotWriter logs the error.
+    # A folder that cannot be made or opened is not locked. SnapshotWriter, which cannot write there
+    # either, logs the error.
     with suppress(OSError):
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
@@ -52,10 +55,10 @@ def sole_writer(folder: Path | None) -> Iterator[None]:
 class SnapshotWriter:
     """Writes snapshots into a folder, if there is one.
 
-    An executor does that: a slow disk does not delay the run.
+    An executor does that in a thread of its own, so a slow disk does not delay the run.
 
-    Those at multiples of a distance in simulated time are keyframes too: they stay when the run
-    goes on, and after its end.
+    Snapshots at multiples of `keyframe_seconds` are keyframes too: they stay when the run goes on,
+    and after its end.
     """
 
     def __init__(
@@ -66,20 +69,24 @@ class SnapshotWriter:
         seconds: float = SNAPSHOT_SECONDS,
         keyframe_seconds: float = KEYFRAME_SECONDS,
     ) -> None:
-        """`seconds`: of wall time between two snapshots.
+        """`folder`: if None, nothing is written. `executor`: with one thread, so that snapshots are
+        written in their order.
 
-        `keyframe_seconds`: simulated, between two keyframes.
+        `seconds`: of wall time between two snapshots. `keyframe_seconds`: simulated, between two
+        keyframes.
         """
         self.folder = folder
         self._executor = executor
         self._clock = clock
         self._seconds = seconds
+        # An infinite distance becomes one beyond the last tick.
         self._keyframe_ticks = max(1, round(min(keyframe_seconds, LAST_TICK) / TIME_STEP))
         self._due = -math.inf  # s, on the clock
+        # The snapshot that was given to the executor last; its result says whether it is written.
         self._writing: Future[bool] | None = None
-        # Whether the snapshot that is being written, or waits for that, is a keyframe too.
+        # Whether that snapshot is a keyframe too.
         self._is_keyframe = False
-        # Whether one could not be written: that is logged once.
+        # Whether a snapshot could not be written: that is logged once.
         self._failed = False
 
     def is_due(self, tick: int) -> bool:
@@ -99,6 +106,7 @@ class SnapshotWriter:
         if self.folder is None:
             return
         if self._writing is not None and not self._is_keyframe:
+            # This has no effect on one that is being written.
             self._writing.cancel()
         name, content = as_file(snapshot)
         self._is_keyframe = snapshot.tick % self._keyframe_ticks == 0
@@ -125,7 +133,7 @@ class SnapshotWriter:
         return True
 
     def finish(self, seconds: float | None = None) -> bool:
-        """Wait until the last snapshot is on the disk, at most `seconds`.
+        """Wait until the last snapshot is on the disk, at most `seconds`; None: without a limit.
 
         Return whether it is there.
         """
@@ -138,7 +146,8 @@ class SnapshotWriter:
 def examine(snapshot: Snapshot) -> None:
     """Raise SnapshotError unless a run can go on from this snapshot.
 
-    Its content may be impossible.
+    A file that can be read may hold what no run can be in. So all is made from it once, and thrown
+    away.
     """
     # These are imported here, because numba takes seconds to load.
     from orchard.server.figures import RunFigures
@@ -151,8 +160,8 @@ def examine(snapshot: Snapshot) -> None:
 def last(folder: Path, run: str = "") -> Snapshot | None:
     """Return the newest usable snapshot of a run in a folder; None if there is none.
 
-    Without one the run begins anew, from its first tick. `run`: its id; '' for that of the folder.
-    Snapshots that are not usable are logged.
+    Without one the run begins anew, from its first tick. `run`: its id; '' for the run to which the
+    folder belongs. Snapshots that are not usable are logged.
     """
     refused: list[str] = []
     snapshot = None

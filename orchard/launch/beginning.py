@@ -1,4 +1,7 @@
-"""With what a run begins: the scenario of a file, of a bag or of a snapshot."""
+"""With what a run begins: the scenario of a file, of a bag or of a snapshot.
+
+A bag is a recording of ROS 2, whose velocities can drive robots.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,9 +29,12 @@ class Beginning:
     """With what a run begins."""
 
     scenario: Scenario
-    snapshot: Snapshot | None = None  # from which it goes on
-    parent: Mapping[str, Any] | None = None  # of a fork: the other run, and the moment, s
-    velocities: "BagVelocities | None" = None  # of the bag that drives robots
+    # The snapshot from which the run goes on; None: it begins at its first tick.
+    snapshot: Snapshot | None = None
+    # Of a fork: the id of the run that it was forked from, and the moment, s.
+    parent: Mapping[str, Any] | None = None
+    # The velocities of the bag that drives robots.
+    velocities: "BagVelocities | None" = None
 
 
 def beginning_of(chosen: HarvestOptions, runs: RunFolder) -> Beginning:
@@ -48,10 +54,10 @@ def beginning_of(chosen: HarvestOptions, runs: RunFolder) -> Beginning:
 
 
 def check_end(world: World, duration: float | None) -> None:
-    """Raise SnapshotError if nothing ends a run without a network.
+    """Raise SnapshotError if nothing would end a run in local mode.
 
-    That is so if an emergency stop holds robots, and the run has no `duration`, s: nobody can let
-    them go on, and a harvest does not end before.
+    That is so if an emergency stop holds robots, and the run has no `duration`, s. Without a
+    network no command can let them go on, and a harvest does not end while robots are stopped.
     """
     standing = stopped(world)
     if duration is None and standing:
@@ -76,10 +82,10 @@ def _newest_snapshot(chosen: HarvestOptions, run: str, runs: RunFolder) -> Snaps
     if needless:
         raise ValueError(f"--resume: leave out {needless}: the snapshot has its scenario")
     refused: list[str] = []
-    # Those of this run, if there are any, write into its folder.
+    # Processes that an earlier `orchard` has left may still write into the run's folder.
     end_orphaned_processes(runs.folder, print_error)
     folder = runs.snapshots(run)
-    # A run that is active is not gone on with.
+    # This refuses a run that is still active.
     with sole_writer(folder):
         snapshot = newest(folder, refused, examine=examine)
     for reason in refused:

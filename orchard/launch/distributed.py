@@ -1,4 +1,4 @@
-"""A run in many processes: start those here, follow and stop them."""
+"""A run in many processes: starts the processes on this machine, follows and stops them."""
 
 import math
 import subprocess
@@ -52,9 +52,8 @@ from orchard.sim.kernels.cache import COMPILING, are_compiled
 from orchard.wire.keys import LOGGER, PHYSICS
 from orchard.wire.messages import Mode
 
-PACK_SECONDS = (
-    60.0  # that the logger may take to pack its recording after a run has ended by itself
-)
+# s that the logger may take to pack its recording after a run has ended by itself.
+PACK_SECONDS = 60.0
 TRY_SECONDS = 0.7  # of one attempt to connect; between two, dead processes are restarted
 WEB_VIEWER = "web viewer"  # the name of its process
 SERVING = 3  # processes beside the hosts: physics, the logger, and the web viewer
@@ -71,7 +70,8 @@ def run(request: RunRequest, progress: Progress) -> Result:
     """
     credentials = Credentials(request.options)
     check_runtime()
-    # A folder without the role of physics is told before what else it lacks.
+    # This raises an error if the folder of a secured run lacks the role of physics. It comes first,
+    # because a user who has chosen a wrong folder should read this error.
     credentials.identity(PHYSICS)
     allow_processes(len(credentials.shares(*hosted(request))) + SERVING)
     endpoint = _endpoint_of(request.options, credentials)
@@ -119,7 +119,10 @@ class LaunchedRun:
         progress: Progress,
         connect: Connect = client,
     ) -> None:
-        """`listen`: the endpoint of the run's router. `connect`: opens a session there."""
+        """`listen`: the endpoint of the run's router. `connect`: opens a session there.
+
+        Tests pass another one.
+        """
         self.request = request
         self.credentials = credentials
         self.supervisor = supervisor
@@ -139,7 +142,10 @@ class LaunchedRun:
         )
 
     def carry_out(self, inbox: Inbox) -> Result:
-        """Start the processes, and follow the run until they have ended. Return as `run` does."""
+        """Start the processes, and follow the run until they have ended.
+
+        Return the summary, None without one, and why the run ended.
+        """
         request = self.request
         say = self.progress.say
         shares = self.credentials.shares(*hosted(request))
@@ -170,24 +176,26 @@ class LaunchedRun:
             return summary, why
 
     def _load_reader(self) -> None:
-        """Load Rerun, which is slow, while the processes end: the recording is read next."""
+        """Load Rerun while the processes end: it is slow, and the recording is read next."""
         reader = "orchard.view.reader"
         threading.Thread(target=import_module, args=(reader,), daemon=True).start()
 
     def _ended(self, file: Path, hosts: list[str], heard: Result) -> Result:
         """Let the processes of a run that is over end, and write its summary.
 
-        `file`: in which physics writes its result, which is the one that counts. `heard`: what the
-        bus told, which any client may send; or None, and why the run cannot go on.
+        `heard`: the result that came over the bus; or no summary, and why the run cannot go on. Any
+        client may send a result over the bus. So the one that counts is in `file`, if physics has
+        written it. Return the result that counts.
         """
         summary, why = heard
         end = read_end(file, self.run_id)
         if summary is not None:
+            # The end came over the bus, so other processes have received it too. They end by
+            # themselves, but for a frozen logger, and for a host that was still connecting.
             self.watchdog.end()
-            # A host that was still connecting has not received the end.
             self.supervisor.terminate(*hosts)
         elif end is not None:
-            # No process has received the end.
+            # The end has not come over the bus, so no process has received it.
             self.supervisor.terminate(*self.supervisor.running)
         if end is not None:
             summary = end.summary
@@ -202,7 +210,7 @@ class LaunchedRun:
             summary["broken_agents"].append(f"{agent}, its process died again and again")
         file = self.request.options.summary
         if file is not None:
-            # What cannot be written is told when the summary is complete.
+            # `report` writes it again at the end, and reports a fault then.
             with suppress(OSError):
                 write_summary(file, summary)
 

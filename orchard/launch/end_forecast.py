@@ -1,8 +1,9 @@
 """When a run will be done: the event model goes on from the run's newest snapshot.
 
 Theory of operation. The process that shows a run reads its snapshots, so the run itself is not
-slower. A thread looks at the newest one every few seconds. Where people are about, several harvests
-meet them at other times, which tells how sure the answer is.
+slower. A thread looks at the newest one every few seconds. Where people walk, the event model does
+several harvests, which meet them at different times: how much their ends differ tells how sure the
+answer is.
 """
 
 import threading
@@ -20,11 +21,11 @@ from orchard.sim.snapshot import Snapshot, SnapshotError, newest
 # s of wall time: before the first look, and between two.
 FIRST_LOOK = 3.0
 AGAIN = 5.0
-# After a look that took long, so many times as long passes up to the next one.
+# The pause after a look, in lengths of that look: so it takes at most 1/40 of a core.
 PAUSE = 40.0
-# Harvests with people that are met at other times.
+# Harvests of one look, where people walk.
 DRAWS = 6
-# Standard deviations within which it ends in 19 of 20 runs.
+# Standard deviations from the mean within which 19 of 20 runs end, as of a normal distribution.
 SURE = 2.0
 
 
@@ -35,7 +36,9 @@ class EndForecast:
         """`snapshots`: the folder of the run's snapshots. `run`: its id; '': that of the folder."""
         self._snapshots = snapshots
         self._run = run
+        # When the next look is due, s.
         self._due = time.monotonic() + FIRST_LOOK
+        # The thread of the last look.
         self._looking: threading.Thread | None = None
         self._last: EndOfRun | None = None
         # Whether it looks at all.
@@ -73,8 +76,8 @@ def end_of(snapshot: Snapshot) -> EndOfRun | None:
     first = harvest_from(snapshot)
     if first is None:
         return None
-    # The first harvest meets people as the run's own seed has it, the others as other seeds do.
-    # Where nobody is about, all would be the same.
+    # The first harvest meets people when the seed of the run says, the others when other seeds say.
+    # Without people all harvests would be the same.
     harvests = [first]
     if first.model.encounters.size:
         seed = first.layout.scenario.seed

@@ -1,7 +1,8 @@
 """Follows a run in many processes up to its end: shows its figures, and restarts what has died.
 
-Theory of operation. The follower opens a session with physics, and hears of its figures, of its
-end and of the liveliness tokens of physics and the logger. Beside that it looks at the processes.
+Theory of operation. The follower opens a session with physics. It hears its figures, its end, and
+the liveliness tokens of physics and the logger. It looks at the processes, too. A process is given
+up if it died again and again (`Supervisor`). A signal is Ctrl-C or SIGTERM.
 
     state    | what happens                                      | next state
     ---------+---------------------------------------------------+------------------------------
@@ -18,8 +19,8 @@ end and of the liveliness tokens of physics and the logger. Beside that it looks
     any      | an end, and the token of physics is gone          | over, with the summary
     any      | physics has ended, or died again and again        | over, without a summary
 
-While it does not stop, processes that die are restarted. The end that counts is that in the file of
-physics, because any client may send one: see `LaunchedRun`.
+Processes that die are restarted, but not in the state "stopping". The end that counts is in the
+file of physics, because any client may send one over the bus: see `LaunchedRun`.
 """
 
 import math
@@ -42,8 +43,11 @@ from orchard.terminal.typed import typed
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
 from orchard.wire.messages import RESET, End, Figures
 
-LOAD_SECONDS = 20.0  # STOP_SECONDS before the first tick: physics may still load its modules
-BEGIN_SECONDS = 60.0  # that physics may take to listen after its start, on a busy machine
+# s that the processes may take to end before the first tick, in place of STOP_SECONDS: physics may
+# still load its modules.
+LOAD_SECONDS = 20.0
+# s that physics may take to listen after its start, on a busy machine.
+BEGIN_SECONDS = 60.0
 # Exit code of physics -> what has happened, if its last message is not there.
 HOW_PHYSICS_ENDED: dict[int | None, str] = {
     BAD_ORDER: "physics could not start; its line above says why",
@@ -65,8 +69,10 @@ class _Following:
         self._clock = clock
         self.ending = Ending(clock)
         self.refusals = Refusals()
-        self.has_begun = False  # all agents were there, and figures have come
-        self.deadline = math.inf  # s, on the clock, until which the processes may end
+        # Whether figures have come: then all agents were there.
+        self.has_begun = False
+        # s, on the clock: until when the processes may take to end; infinity: they are not asked.
+        self.deadline = math.inf
 
     @property
     def is_stopping(self) -> bool:
@@ -79,7 +85,7 @@ class _Following:
         return self._clock() >= self.deadline
 
     def end_within(self, seconds: float) -> None:
-        """Give the processes at most some seconds more."""
+        """Give the processes at most so many seconds from now on to end."""
         self.deadline = min(self.deadline, self._clock() + seconds)
 
 
@@ -126,13 +132,15 @@ class RunFollower:
             return None, str(error)
 
     def _reach(self, inbox: Inbox, stack: ExitStack) -> Bus | None:
-        """Return a session with physics, once it listens; None after a second Ctrl-C.
+        """Return a session with physics, once it listens; None if the user does not want it.
 
-        Dead processes are restarted. After the first Ctrl-C physics is asked to stop as soon as it
-        listens: it gives the summary of a run without a tick. `stack`: closes the session. Raises
-        BusError if physics does not listen.
+        Dead processes are restarted meanwhile. After a first Ctrl-C it goes on for at most
+        LOAD_SECONDS: physics is asked to stop as soon as it listens, and gives the summary of a run
+        without a tick. A second Ctrl-C ends that. `stack`: closes the session. Raises BusError if
+        physics does not listen.
         """
         deadline = self._clock() + BEGIN_SECONDS
+        # The first Ctrl-C.
         signal: Signal | None = None
         while True:
             try:
@@ -144,6 +152,7 @@ class RunFollower:
                 self._check_may_listen(deadline, error)
             else:
                 if signal is not None:
+                    # `_listen` takes it, and asks physics to stop.
                     inbox.put(signal)
                 return bus
             item = inbox.take(0.0)
@@ -159,6 +168,7 @@ class RunFollower:
 
         `error`: of the last attempt to connect.
         """
+        # Lost agents do not matter here: they are no reason why physics would not listen.
         if self.why_over(has_begun=True):
             raise error
         if self._clock() >= deadline:
@@ -229,7 +239,10 @@ class RunFollower:
             state.end_within(STOP_SECONDS)
 
     def why_over(self, has_begun: bool) -> str:
-        """Return why the run cannot go on; "" if it can. `has_begun`: all agents were there."""
+        """Return why the run cannot go on; "" if it can.
+
+        `has_begun`: whether all agents were there once. After that a run goes on without some.
+        """
         if self._supervisor.is_over(PHYSICS):
             code = self._supervisor.exit_code(PHYSICS)
             return HOW_PHYSICS_ENDED.get(code, f"physics ended with code {code}")
@@ -247,7 +260,7 @@ class RunFollower:
 
 
 def _hear(sample: Sample, run_id: str, progress: Progress) -> End | None:
-    """Return the end of a run that a sample tells; None of figures, which are shown.
+    """Return the end of a run, if the sample is one. Else it has figures: show them, return None.
 
     Raises Refused for what cannot be read.
     """

@@ -1,4 +1,7 @@
-"""A harvest from what a user has typed to its result: its files are checked, it runs, it ends."""
+"""A harvest from what a user has typed to its result: its files are checked, it runs, it ends.
+
+The commands `orchard`, `orchard fork` and `orchard replay` call `carry_out` (orchard/commands).
+"""
 
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -99,7 +102,8 @@ def _check_files(request: RunRequest) -> None:
             # pyarrow takes some time to load.
             from orchard.tables.folder import check_folder
 
-        # pyarrow takes no names but those of text.
+        # pyarrow takes only names that are valid UTF-8. For others this raises UnicodeEncodeError,
+        # a ValueError.
         str(options.table).encode()
         # A run that is resumed goes on with its tables. A fork has tables of its own.
         begins_at = None
@@ -133,7 +137,7 @@ def _run_local(request: RunRequest) -> Result:
     """Run a harvest in this process. Return its summary, and why it ended."""
     from orchard.launch.local_run import run_watched
 
-    # Only an agent can check its memory in a snapshot.
+    # The memories in a snapshot are read only now, because only an agent knows the type of its own.
     with exit_on_errors(SnapshotError):
         return run_watched(request)
 

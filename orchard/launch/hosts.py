@@ -1,4 +1,8 @@
-"""The processes that host the agents of a run: of one that is started here, or of one elsewhere."""
+"""Starts the processes that host agents, for a run that begins here or for a run elsewhere.
+
+distributed.py uses it for a run that begins here. With `--only` and `--connect` harvest.py calls
+`join_run`, for a run that goes on elsewhere.
+"""
 
 from orchard.field.kinds import select_agents
 from orchard.launch.options import HarvestOptions
@@ -13,11 +17,17 @@ from orchard.report.progress import Progress
 from orchard.terminal.typed import typed
 from orchard.wire.keys import Keys
 
-LOOK_SECONDS = 5.0  # in which a router must answer at an endpoint that a user gave
-STOP_SECONDS = 2.0  # that the processes may take to close their files after Ctrl-C
-POLL_SECONDS = 0.02  # between two checks whether the processes have ended
-POLL_BUS_SECONDS = 0.2  # between two looks at the processes while nothing comes from the bus
-THINK_SECONDS = 5.0  # that an agent may still think after a run has ended by itself
+# All of these are in s of wall time.
+# In which a router must answer at an endpoint that a user gave.
+LOOK_SECONDS = 5.0
+# That the processes may take to close their files after Ctrl-C.
+STOP_SECONDS = 2.0
+# Between two checks whether the processes have ended.
+POLL_SECONDS = 0.02
+# Between two looks at the processes while nothing comes from the bus.
+POLL_BUS_SECONDS = 0.2
+# That an agent may still think after a run has ended by itself.
+THINK_SECONDS = 5.0
 
 
 def hosted(request: RunRequest) -> tuple[list[str], list[str]]:
@@ -46,9 +56,10 @@ def start_hosts(
 
 
 def how_to_join(options: HarvestOptions, endpoint: str) -> str:
-    """Return how others join; "" if none can.
+    """Return how other machines join the run; "" if they cannot.
 
-    It is the command for agents that are left to them, or the address of the run.
+    If agents are left to other processes, it is the command that runs them. Else it is the address
+    of the run.
     """
     there = from_elsewhere(endpoint)
     if options.without:
@@ -80,6 +91,7 @@ def join_run(
     with Supervisor(progress.say) as supervisor:
         start_hosts(supervisor, endpoint, shares, credentials)
         progress.say(f"hosting {', '.join(names)} at {endpoint}")
+        # A process that is given up is not in `running` any more.
         while not all(map(supervisor.is_over, supervisor.running)):
             if isinstance(inbox.take(POLL_BUS_SECONDS), Signal):
                 supervisor.stop(STOP_SECONDS)

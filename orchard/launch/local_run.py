@@ -38,27 +38,34 @@ THINK_SECONDS = 2.0  # that an agent may still think after Ctrl-C
 
 
 class StillThinks(BaseException):
-    """Raised in an agent that still thinks after Ctrl-C. Many agents catch an Exception."""
+    """Raised in an agent that still thinks THINK_SECONDS after Ctrl-C.
+
+    It is no Exception, because many agents catch each Exception and go on.
+    """
 
 
 @contextmanager
 def interruptible(local: Local) -> Iterator[Callable[[], bool]]:
-    """Yield what tells whether to stop, after a signal.
+    """Yield a function that tells whether the run must stop, because SIGINT or SIGTERM has come.
 
-    An agent that thinks on gets StillThinks. If it thinks on even then, the process ends.
+    The run looks at it between ticks. In an agent that thinks on for THINK_SECONDS, StillThinks is
+    raised. If it thinks on for as long again, the process ends.
     """
+    # The signals that have come, and the errors that were raised in agents.
     signals: list[int] = []
     raised: list[StillThinks] = []
 
     def ask(number: int, frame: FrameType | None) -> None:
+        """Note a signal to stop. The first one starts the timer that calls `hurry` repeatedly."""
         if not signals:
             signal.setitimer(signal.ITIMER_REAL, THINK_SECONDS, THINK_SECONDS)
         signals.append(number)
 
     def hurry(number: int, frame: FrameType | None) -> None:
-        """End the agent in which the process is; what the program itself does ends soon."""
+        """Raise StillThinks in the agent that the process is in, or end the process."""
         place = place_in_agent(frame)
         if not place:
+            # It is in the program's own code, which comes to the end of the tick soon.
             return
         thought = StillThinks(
             f"{local.thinking} still thinks about tick {local.engine.tick}{place}"
@@ -76,15 +83,16 @@ def interruptible(local: Local) -> Iterator[Callable[[], bool]]:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
 
 
+# Gets each frame.
 Look = Callable[[Frame], None]
+# Gets the figures, and by name what each robot does and what it waits for.
 Show = Callable[[dict[str, Any], dict[str, str], dict[str, str]], None]
 
 
 def run(request: RunRequest, look: Look | None, show: Show) -> tuple[dict[str, Any], str]:
     """Run a harvest. Return its summary, and why it ended.
 
-    `look`: gets each frame; None: nothing does. `show`: gets the figures, and what each robot does
-    and waits for. Raises SnapshotError.
+    `look`: gets each frame; None: nothing needs frames. Raises SnapshotError.
     """
     local = _local_of(request)
     account = _account_of(request, local)
@@ -109,7 +117,8 @@ def run(request: RunRequest, look: Look | None, show: Show) -> tuple[dict[str, A
                     _tick(local, account, request, look, show)
             account.keep(_snapshot(local, account, request))
         except StillThinks as thought:
-            # Some memories are of this tick already: there is no snapshot of it.
+            # Some agents have answered this tick, and some have not. So no snapshot is written: a
+            # run cannot go on from the middle of a tick.
             print_error(f"{thought}; the run ends before this tick")
             why = "stopped"
     account.close()
@@ -225,6 +234,7 @@ def _recorder(request: RunRequest) -> "Recorder | None":
         request.recording,
         request.data_port if is_live else None,
     )
-    # A run without a pace has ticks at once.
+    # The recorder gathers frames into larger pieces while more frames wait. In a run as fast as
+    # possible, the next frame is always at hand.
     recorder.waiting = lambda: request.options.pace == math.inf
     return recorder

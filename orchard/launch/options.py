@@ -1,4 +1,8 @@
-"""The options of a harvest: their types and values, help texts, and what cannot be together."""
+"""The options of a harvest: their types and values, help texts, and what cannot be together.
+
+Typer makes the command line and its --help from `HarvestOptions` (orchard/terminal/options.py has
+the groups and helpers). The other modules of this package read its values.
+"""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -34,9 +38,10 @@ from orchard.terminal.typed import named
 
 # Simulated seconds per second, with --view or --web, if no speed is given.
 LIVE_SPEED = 4.0
-# Simulated s: the time of the last tick that fits on the wire.
+# Simulated s: the time of the last tick that fits on the wire. It bounds all times and speeds.
 LONGEST = LAST_TICK * TIME_STEP
-# s; over twice mailbox.LOST_SECONDS, or a host that writes to a silent agent goes with it
+# s of wall time. A host whose agent writes to one of a silent host notices after up to twice
+# `mailbox.LOST_SECONDS`, which is 1 s. With less patience than that it would be given up, too.
 LEAST_PATIENCE = 3.0
 Mode = Literal["local", "lockstep", "realtime"]
 
@@ -103,7 +108,7 @@ CHANGES = (
     "rows_to_pickers",
     "route",
 )
-# Options of agents of a run elsewhere.
+# The only options that go together with --only, which hosts agents of a run elsewhere.
 OF_ONLY = (
     "only",
     "connect",
@@ -134,7 +139,8 @@ class HarvestOptions:
     speed: float | None = option(
         RUN, "1: real time. Default: max; live: 4; realtime: 1.", "X|max", parser=_speed
     )
-    hosts: Hosts = None  # 0: one per agent
+    # How many processes host agents. 0: one for each agent; None: one per core, at most 4.
+    hosts: Hosts = None
     duration: float | None = option(
         RUN, "Simulated seconds after which the run stops.", callback=_seconds
     )

@@ -1,4 +1,7 @@
-"""Harvests in which a bag drives robots: what must be installed, and what is refused."""
+"""Harvests in which a bag drives robots: what must be installed, and what is refused.
+
+A bag is a recording of ROS 2. The velocities in it drive some robots in place of their agents.
+"""
 
 from pathlib import Path
 
@@ -18,10 +21,10 @@ with needs_extra("A bag", "ros2-export"):
 
 
 def scenario_and_velocities(chosen: HarvestOptions, bag: Path) -> tuple[Scenario, BagVelocities]:
-    """Return the scenario of a run from its start, and when the velocities of its bag drive.
+    """Return the scenario of a run, and which velocities of the bag drive at which tick.
 
-    The scenario is that of the bag, unless a file is given. Raises ScenarioError, OSError or
-    ValueError.
+    The scenario is that of the bag, unless the bag has none or a file is given. Raises
+    ScenarioError, OSError or ValueError.
     """
     commands = read_commands(bag, chosen.from_first_stamp)
     if commands.scenario is None or chosen.scenario:
@@ -37,7 +40,10 @@ def scenario_and_velocities(chosen: HarvestOptions, bag: Path) -> tuple[Scenario
 
 
 def _refuse_code(chosen: HarvestOptions, bag: Path, scenario: Scenario) -> None:
-    """Raise ValueError if the scenario of a bag names code: a bag may come from others."""
+    """Raise ValueError if the scenario of a bag names code: a bag may come from others.
+
+    Code that the user has typed as an option is fine.
+    """
     code = []
     for key, path in scenario.own_classes.items():
         if chosen.changes.get(key) != path:

@@ -25,10 +25,14 @@ class RunRequest:
 
     options: HarvestOptions
     scenario: Scenario
+    # The file of the recording; None: the run is not recorded.
     recording: Path | None
-    snapshots: Path  # a folder
-    resumed: Snapshot | None = None  # from which the run goes on
-    forked_from: dict[str, Any] | None = None  # of a fork: the other run, and the moment, s
+    # The folder for snapshots.
+    snapshots: Path
+    # The snapshot from which the run goes on.
+    resumed: Snapshot | None = None
+    # Of a fork: the id of the run that it was forked from, and the moment, s.
+    forked_from: dict[str, Any] | None = None
     # The folder for the note with which `orchard stop` finds the run. None: no note.
     notes: Path | None = None
     velocities: "BagVelocities | None" = None  # of the bag that drives robots
@@ -52,13 +56,15 @@ class RunRequest:
         return f"rerun+http://127.0.0.1:{self.data_port}/proxy"
 
 
-Shares = list[tuple[str, Sequence[str]]]  # (name of an agent process, the agents that it hosts)
+# (name of an agent process, the agents that it hosts).
+Shares = list[tuple[str, Sequence[str]]]
 
 
 class Credentials:
-    """What the processes of a run need to connect, and how agents are shared.
+    """What the processes of a run need to connect, and which process hosts which agents.
 
-    An open run has no keyring.
+    A secured run has a keyring: certificates for roles, which also say which agents belong to which
+    process. An open run has none.
     """
 
     def __init__(self, options: HarvestOptions) -> None:
@@ -110,7 +116,7 @@ def agent_names(scenario: Scenario) -> list[str]:
 
 
 def shares(names: Sequence[str], hosts: int | None) -> Shares:
-    """Share agents among processes.
+    """Share agents among processes: with n processes, each gets every n-th agent.
 
     `hosts`: how many processes; 0: one per agent; None: one per core, at most 4.
     """

@@ -23,7 +23,8 @@ from orchard.terminal.output import is_all_lost, print_error, print_line, print_
 from orchard.terminal.typed import typed
 from orchard.view.files import remove_half_packed
 
-# Wall time, s, and share of it, by which a run may take longer than at its speed.
+# A run has not kept its speed if it took longer by more than so many seconds of wall time, and by
+# more than this share of its wall time.
 LATE_SECONDS = 1.0
 LATE_SHARE = 0.1
 # Why a run ends when nothing has gone wrong, or when its summary tells all that has.
@@ -38,11 +39,12 @@ def report(request: RunRequest, result: dict[str, Any] | None, why: str) -> int:
     code = FAILED if result is None else _report_result(request, result, why)
     if result is None:
         print_error(why)
-    # What a bag drives cannot go on without the bag.
+    # A run that was harvested does not go on. One that a bag drives cannot go on without the bag.
     if why == "harvested" or request.options.replay:
         _remove_snapshots(request.snapshots)
     elif request.snapshots.is_dir():
         with suppress(SnapshotError):
+            # This raises SnapshotError if there is no snapshot.
             newest(request.snapshots, [])
             print_line(f"To go on: {typed('--resume', request.snapshots)}")
     if request.recording is not None and request.recording.exists():
@@ -139,14 +141,17 @@ def _what_to_try(request: RunRequest) -> str:
 
 
 def _may_be_studied(request: RunRequest) -> bool:
-    """Whether a study can be asked about the orchard of this run, as it was typed."""
+    """Whether `orchard study` can be asked about this orchard with the options that were typed.
+
+    A study does many harvests in the event model, which knows built-in agents and exact sensors.
+    """
     options = request.options
     is_typed = request.resumed is None and (options.scenario is not None or not options.replay)
     return is_typed and not request.scenario.agents and request.scenario.sensors.are_exact
 
 
 def _study_of(request: RunRequest) -> list[object]:
-    """Return the words of the study of how many carriers are worth it in this orchard."""
+    """Return the arguments of `orchard study` that ask how many carriers this orchard needs."""
     options = request.options
     words: list[object] = [] if options.scenario is None else [options.scenario]
     fixed = []
@@ -154,6 +159,8 @@ def _study_of(request: RunRequest) -> list[object]:
         if name not in ("carriers", "seed"):
             fixed.append(f"{name}={value}")
     if fixed:
+        # `--vary name=value` changes a value of the scenario. A study with `--vary` varies only
+        # what is named, so `carriers` is named, too.
         for varied in ("carriers", *fixed):
             words += ["--vary", varied]
     return words

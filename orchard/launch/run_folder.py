@@ -97,7 +97,7 @@ class RunFolder:
 def alone(*paths: Path | None) -> Iterator[None]:
     """In this context no other run writes to these paths. Raises ValueError if one does.
 
-    An empty file goes at the end.
+    A lock needs a file, so files are made. A file that is still empty at the end is removed.
     """
     with ExitStack() as stack:
         for path in filter(None, paths):
@@ -116,6 +116,7 @@ def alone(*paths: Path | None) -> Iterator[None]:
 
 
 def _remove_empty(path: Path) -> None:
+    """Remove a path if it is an empty file."""
     if path.is_file() and not path.stat().st_size:
         path.unlink()
 

@@ -1,8 +1,9 @@
-"""The notes of the runs here, by which other commands find them, and the end of what is left.
+"""The notes of the runs on this machine, by which commands such as `orchard stop` find them.
 
-A process that wrote a note holds a lock on it until it ends, so a note without a lock is stale. The
-processes of its run end by themselves within seconds, because nothing holds their lines. A process
-that does not, such as a frozen one, is ended by force.
+A note is a file. The `orchard` that wrote it holds a lock on it until it ends, so a note without a
+lock is stale: its `orchard` is gone. The processes of that run end by themselves within seconds,
+because nothing holds the other end of their lines (orchard/net/lifeline.py). A process that does
+not, such as a frozen one, is ended by force.
 """
 
 import fcntl
@@ -29,9 +30,12 @@ LONGEST = 10_000  # characters of a note
 class RunNote(msgspec.Struct):
     """An active run on this machine."""
 
-    run: str  # its id
+    # Its id.
+    run: str
+    # The endpoint of its router.
     endpoint: str
-    title: str = ""  # its scenario and the time of its start, for people
+    # Its scenario and the time of its start, for people.
+    title: str = ""
 
 
 @contextmanager
@@ -47,7 +51,7 @@ def noted(folder: Path, note: RunNote) -> Iterator[None]:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         file.write(msgspec.json.encode(note).decode())
         file.flush()
-        # No process sees it before it is locked and complete.
+        # It gets its name now, so that no process sees it before it is locked and complete.
         os.replace(beside, path)
         try:
             yield
@@ -61,7 +65,8 @@ def announced(
 ) -> Iterator[None]:
     """In this context `orchard stop` finds the run.
 
-    `say` gets how to stop the run; with the endpoint if no note can be written.
+    `say` gets the command that stops the run. If no note can be written, the command has the
+    endpoint.
     """
     scenario = request.scenario
     title = (
@@ -86,8 +91,8 @@ def announced(
 def running_here(folder: Path, gone: list[Path] | None = None) -> list[RunNote]:
     """Return the active runs, sorted by id.
 
-    `gone`: gets the stale notes, of programs that are gone. A file that holds no note, or that of
-    another run than its name says, is passed over.
+    The paths of stale notes are added to `gone`. A file that holds no note, or that of another run
+    than its name says, is passed over.
     """
     notes = []
     for path in sorted(folder.glob("*.going")):
@@ -98,11 +103,12 @@ def running_here(folder: Path, gone: list[Path] | None = None) -> list[RunNote]:
                 continue
             try:
                 fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-                if gone is not None:
-                    gone.append(path)
             except BlockingIOError:
                 # The run holds the lock.
                 notes.append(note)
+            else:
+                if gone is not None:
+                    gone.append(path)
     return notes
 
 
@@ -118,7 +124,7 @@ def find_runs(folder: Path, connect: str | None) -> list[RunNote]:
 
 
 def find_run(folder: Path, connect: str | None) -> list[RunNote]:
-    """Return the run at `connect`, or the only active run here.
+    """Return the run at `connect`, or the only active run here, in a list.
 
     Raises BusError if there is none, or if there are several.
     """
@@ -133,9 +139,9 @@ POLL_SECONDS = 0.1  # between two looks whether a process has ended
 
 
 def end_orphaned_processes(folder: Path, say: Callable[[str], None]) -> bool:
-    """End the processes of runs in this folder that lost their program, and remove their notes.
+    """End the processes of runs in this folder whose `orchard` is gone, and remove their notes.
 
-    Returns whether there were such processes.
+    Return whether there were such processes.
     """
     gone: list[Path] = []
     running_here(folder, gone)
@@ -175,11 +181,11 @@ def _await_ends(run: str, seconds: float) -> list[int]:
 def processes_of(run: str) -> list[int]:
     """Return the ids of the processes that were started for a run.
 
-    Only Linux tells their environments.
+    They have its id in their environment (`lifeline.environment`), which only Linux shows.
     """
     pids = []
     for path in Path("/proc").glob("[0-9]*/environ"):
-        # It has just ended, or is another user's.
+        # The process may have ended just now, or be another user's.
         with suppress(OSError):
             if _names_run(path.read_bytes(), run):
                 pids.append(int(path.parent.name))
@@ -187,7 +193,10 @@ def processes_of(run: str) -> list[int]:
 
 
 def _names_run(environment: bytes, run: str) -> bool:
-    """Whether an environment, as Linux tells it, is that of a process of a run."""
+    """Whether an environment, as Linux shows it, is that of a process of a run.
+
+    One of its variables is "ORCHARD_STARTED_BY=PID RUN".
+    """
     begin = f"{STARTED_BY}=".encode()
     end = f" {run}".encode()
     for variable in environment.split(b"\0"):

@@ -32,6 +32,7 @@ def _typed_as_options(given: Mapping[str, Any]) -> AbstractContextManager[None]:
     """Return a context in which problems name the options of these values."""
 
     def as_options(paths: str) -> str:
+        """Return the keys of a problem, "rows, pickers", with options in place of those typed."""
         return ", ".join(named([path]) if path in given else path for path in paths.split(", "))
 
     return as_typed(as_options)

@@ -1,4 +1,8 @@
-"""Starts the processes of a run, restarts those that die or freeze, and stops them."""
+"""Starts the processes of a run, restarts those that die or freeze, and stops them.
+
+Each process is held by a line, its standard input (orchard/net/lifeline.py): it ends when this
+program lets go of the line, and it writes its exit code there if it ends by itself.
+"""
 
 import math
 import os
@@ -24,11 +28,10 @@ from orchard.view.files import window
 
 QUICK_SECONDS = 10.0  # a process that lives shorter than this has died quickly
 DEATHS = 5  # quick deaths in a row, after which a process is given up
-# Exit code of a process that refuses its arguments, or what it finds. A port may be free again
-# soon.
+# Exit code of a process that refuses its arguments, or what it finds, such as a port in use.
 BAD_ORDER = 2
-# Quick deaths in a row, after which a process that ends with this code is given up: with BACK_OFF
-# that takes half a minute.
+# Quick deaths in a row, after which a process that ends with BAD_ORDER is given up. It is more than
+# DEATHS, because a port may be free again soon: with BACK_OFF that takes half a minute.
 REFUSALS = 9
 BACK_OFF = 0.25  # s before the second restart; twice as long before each further one
 LONGEST_LINE = 2000  # characters of what a process says
@@ -39,11 +42,12 @@ QUICK_START = {
     "OPENBLAS_NUM_THREADS": "1",  # threads for large matrices
     "PYDANTIC_DISABLE_PLUGINS": "__all__",  # a search through all installed packages
 }
+# Environment with which Zenoh hands messages to the thread that waits: ticks are quicker.
 QUICK_TICKS = {RUNTIME: ONE_THREAD}
-# Files that this program may have open at once, beside those for its processes: a run of three
-# processes takes 33 in all.
+# Files that this program may have open at once, beside those for its processes. A run of three
+# processes takes 33 in all; the rest is a reserve.
 OWN_FILES = 56
-# And those that each of its processes takes in it.
+# Files that this program has open for each of its processes.
 FILES_OF_A_PROCESS = 3
 
 
@@ -57,7 +61,7 @@ class ProcessSpec:
     again: bool = False  # restart it when it dies
     afterwards: ProcessOptions | None = None  # the options of a restart, if they are others
     agents: Sequence[str] = ()  # the agents that it hosts
-    # False: if it ends with BAD_ORDER at its first start, it is not restarted.
+    # Whether it is restarted if it ends with BAD_ORDER at its first start.
     may_refuse: bool = True
     # A file that it writes when its work is done: then it is not restarted.
     result: Path | None = None
@@ -65,18 +69,24 @@ class ProcessSpec:
 
 @dataclass
 class _Running:
+    """A process that was started and is not given up. It may have ended meanwhile."""
+
     program: ProcessSpec
     popen: subprocess.Popen[str]
     line: Line
     begun: float  # s, on the supervisor's clock
     deaths: int = 0  # quick deaths in a row
-    due: float = math.inf  # s, on the supervisor's clock: the time of its restart
-    is_asked: bool = False  # to end
+    # s, on the supervisor's clock: when it is restarted after its death; infinity: it has not died,
+    # or its death has not been seen yet.
+    due: float = math.inf
+    # Whether it was asked to end.
+    is_asked: bool = False
 
     def is_over(self) -> bool:
         """Whether it has ended and is not restarted.
 
-        An end that nothing has announced is a death.
+        If it has ended, it is over if it was asked to end, has done its work, has refused its first
+        start, or is not to be restarted at all. Else it has died.
         """
         code = self.popen.poll()
         is_refusal = code == BAD_ORDER and not self.deaths and not self.program.may_refuse
@@ -97,9 +107,10 @@ class Supervisor(AbstractContextManager["Supervisor"]):
 
     say: Callable[[str], None]
     run: str = ""  # the run's id
+    # Name -> a process that was started, unless it is given up.
     running: dict[str, _Running] = field(default_factory=dict)
     clock: Callable[[], float] = time.monotonic
-    # Name -> a process that died DEATHS times in a row.
+    # Name -> a process that died too often in a row, and is not restarted any more.
     given_up: dict[str, ProcessSpec] = field(default_factory=dict)
 
     def __exit__(self, *_: object) -> None:
@@ -114,11 +125,11 @@ class Supervisor(AbstractContextManager["Supervisor"]):
     def _open(
         self, program: ProcessSpec, order: Sequence[str] | ProcessOptions
     ) -> tuple[subprocess.Popen[str], Line]:
-        """Start a process in its own process group. Return it, and its line.
+        """Start a process in a process group of its own. Return it, and its line.
 
-        So Ctrl-C reaches only this program, which stops the others in order. The process has no
-        session of its own: Linux shares the processor among sessions first, which costs an eighth
-        of the ticks.
+        So Ctrl-C reaches only this program, which stops the others in order. The process does not
+        get a session of its own, because Linux shares the processor among sessions first: that
+        costs an eighth of the ticks.
         """
         environment = QUICK_START | QUICK_TICKS | os.environ | lifeline.environment(self.run)
         arguments = [FROM_STDIN] if isinstance(order, ProcessOptions) else order
@@ -135,14 +146,18 @@ class Supervisor(AbstractContextManager["Supervisor"]):
         )
         line.of_process.close()
         take_turns(popen.pid)
-        # A file with the options may be gone when the process is restarted.
+        # They go over the line. A file with them might be gone when the process is restarted.
         if isinstance(order, ProcessOptions):
             line.write(msgspec.json.encode(order).decode())
         threading.Thread(target=self._pass_on, args=(program, popen), daemon=True).start()
         return popen, line
 
     def _pass_on(self, program: ProcessSpec, popen: subprocess.Popen[str]) -> None:
-        """Say what a process writes, a line each. Of what has not its name, not all is said."""
+        """Say each line that a process writes to stderr, until it ends.
+
+        Its log begins each line with the name of its module. Of lines without it, which C code or a
+        traceback writes, only the first MOST_LINES are said.
+        """
         assert popen.stderr is not None
         prefix = f"{program.module.rpartition('.')[2]}: "
         unnamed_count = 0
@@ -270,9 +285,9 @@ class Supervisor(AbstractContextManager["Supervisor"]):
 
 
 def take_turns(pid: int) -> None:
-    """Let no process that wakes up interrupt this one.
+    """Ask the system that a process which wakes up does not interrupt the process `pid`.
 
-    So its memory stays in the caches, and a run has 6 to 10 % more ticks.
+    So its memory stays in the processor's caches, and a run has 6 to 10 % more ticks.
     """
     # Only Linux has this policy, and the process may have ended.
     with suppress(AttributeError, ProcessLookupError):
@@ -317,13 +332,16 @@ def let_go(
         viewer.terminate()
 
 
-SECONDS = 3.0  # that a token may be gone: a session that was cut off returns sooner
+# s that a token may be gone: a session that was only cut off returns sooner.
+SECONDS = 3.0
 
 
 class Watchdog:
-    """Kills a frozen process: its liveliness token is gone for SECONDS.
+    """Kills a frozen process, so that the supervisor restarts it.
 
-    Before its first token it starts. Without physics, which relays them, all tokens are gone.
+    A process is frozen if it had a liveliness token that is gone for SECONDS. Two cases do not
+    count: before its first token a process is still starting, and without physics, which relays
+    all tokens, none is there.
     """
 
     def __init__(self, supervisor: Supervisor, name: str) -> None:
@@ -331,8 +349,9 @@ class Watchdog:
         self._supervisor = supervisor
         self._name = name
         self._clock = supervisor.clock
-        self._pid_of_token: int | None = None  # of the process that had the token last
-        # s, on the clock, since when the token is gone; None while it is there
+        # The id of the process that had the token last; None: it had none, or has been killed.
+        self._pid_of_token: int | None = None
+        # s, on the clock, since when the token is gone; None while it is there.
         self._gone_since: float | None = 0.0
         self._has_physics = True
 

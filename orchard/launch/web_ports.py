@@ -3,13 +3,13 @@
 from orchard.net.endpoints import check_free
 from orchard.terminal.open_files import allow_files
 
-# Files that this program may have open at once while it serves a viewer: 32 were enough.
+# Files that this program may have open at once while it serves a viewer. When that was measured 32
+# were enough; the rest is a reserve.
 VIEWER_FILES = 48
 
 
 def check_ports(port: int) -> None:
-    """Check that the web viewer can have its port and that of its data, the next one, and its
-    files.
+    """Check that the web viewer can have its port, the next one for its data, and its files.
 
     Raises BusError for a port, ValueError for the number of files.
     """

@@ -31,7 +31,7 @@ class StateBoard:
             self._bus.publish(self._keys.of("state", seen.name), pack(state))
 
     def tell(self, name: str, question: Query) -> None:
-        """Reply to a query for a bin's state. Raises Refused if it has a payload."""
+        """Reply to a query for the state of the bin `name`. Raises Refused if it has a payload."""
         if question.payload:
             question.refuse("malformed: a query for a state has no payload")
             raise Refused("malformed", "a query for a state has no payload")

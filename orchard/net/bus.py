@@ -1,6 +1,6 @@
-"""The bus: how the processes of a run send and receive, and by what they tell the time.
+"""The bus: how the processes of a run send and receive, and the clock that they read.
 
-`zenoh_bus` has it over Zenoh.
+`ZenohBus` (zenoh_bus.py) is the one over Zenoh; tests and chaos/simulated have others.
 
 All that arrives becomes an item in one inbox, in the order of arrival, and one thread reads it.
 """
@@ -16,9 +16,10 @@ from threading import Lock, get_ident
 from time import monotonic
 from typing import Any, NamedTuple, Protocol
 
-# Far above mailbox.LOST_SECONDS; zenoh keeps some 700 bytes of each get until then.
+# s after which a get (a query that this process sends) ends without an answer. It is far above
+# mailbox.LOST_SECONDS, and not longer, because zenoh keeps some 700 bytes of each get until then.
 GET_SECONDS = 10.0
-# The error of a get without an answer in time.
+# The error of a get without an answer in time, in Zenoh's word.
 TIMED_OUT = "Timeout"
 
 
@@ -64,6 +65,7 @@ class Query(ABC):
 class Replied(NamedTuple):
     """A reply to the query with a ticket; `error` is '' unless it is an error reply."""
 
+    # What `Bus.ask` was given, to tell to which query the reply belongs.
     ticket: Any
     payload: bytes
     error: str
@@ -89,29 +91,33 @@ class Inbox:
 
     Putting is safe in any thread and in a signal handler.
 
-    Waking a thread costs more than handling a message. So a reader that needs several quiet items
-    passes their number to `take`.
+    Waking a thread costs more than handling a message. So an item can be put quietly: it wakes the
+    reader only if as many items are there as the reader has said that it needs.
     """
 
     LOOK = 0.05  # s between two looks of a reader that quiet items do not wake
 
     def __init__(self) -> None:
         self._items: deque[Item] = deque()
-        # Locked until the reader is woken; SimpleQueue.get may overlook its timeout (Python 3.11).
+        # The reader waits by acquiring this lock, which is locked until the reader is to wake up.
+        # SimpleQueue.get would be simpler, but may overlook its timeout (Python 3.11).
         self._unwoken = Lock()
         self._unwoken.acquire()
+        # How many items wake the reader if they come quietly.
         self._enough = 1
-        # Thread ids.
+        # Ids of the threads whose Python state is kept.
         self._settled: set[int] = set()
 
     def _settle(self) -> None:
-        """Keep the Python state of a zenoh thread.
+        """Keep the Python state of the calling thread, if it is one of zenoh.
 
         To create and delete it at each call from that thread costs more than the message.
         """
         thread = get_ident()
         if thread not in self._settled:
             self._settled.add(thread)
+            # Python deletes the state when as many calls have released it as have ensured it. This
+            # call is never released.
             ctypes.pythonapi.PyGILState_Ensure()
 
     def forget(self) -> None:
@@ -149,14 +155,14 @@ class Inbox:
     def _wake(self) -> None:
         """Wake the reader, or make its next wait end at once."""
         if self._unwoken.locked():
-            # Another thread has just woken it.
+            # RuntimeError: another thread has released the lock in between.
             with suppress(RuntimeError):
                 self._unwoken.release()
 
     def take(self, seconds: float = inf, enough: int = 1, look: float = LOOK) -> Item | None:
         """Return the next item, None if none arrives in `seconds`.
 
-        `enough`: quiet items that wake it; it looks for fewer each `look` s.
+        `enough`: how many quiet items wake the reader. For fewer it looks each `look` seconds.
         """
         self._enough = enough
         deadline = monotonic() + seconds
@@ -195,7 +201,7 @@ class Bus(Protocol):
     def publish(self, key: str, payload: bytes, newest_wins: bool = False) -> None:
         """Publish a payload, without loss.
 
-        `newest_wins`: slow subscribers miss messages. The first call decides.
+        `newest_wins`: slow subscribers miss messages. The first call for a key decides for all.
         """
 
     def retire(self, key: str) -> None:
@@ -230,7 +236,7 @@ class Bus(Protocol):
     def declare_alive(self, token: str) -> None:
         """Declare a liveliness token, which lasts until the session ends, or `withdraw`.
 
-        Call it after all subscriptions.
+        Call it after all subscriptions: others send as soon as they see the token.
         """
 
     def withdraw(self, token: str) -> None:

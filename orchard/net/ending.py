@@ -1,7 +1,7 @@
-"""Whether a run is over.
+"""Whether a run is over, for hosts, the logger and the follower of a run.
 
 Theory of operation. In an open run any client may publish an `end`. It counts only if the
-liveliness token of physics goes too, within GOES_SECONDS, in either order. Physics publishes the
+liveliness token of physics goes too, within GOES_SECONDS before or after it. Physics publishes the
 end before it removes the token; but a router may pass them on in another order.
 """
 
@@ -25,8 +25,6 @@ GOES_SECONDS = 3.0
 class Ending:
     """What has been heard of the end of a run, and whether physics is there.
 
-    Only physics may say it.
-
     >>> ending = Ending(clock=lambda: 12.0)
     >>> ending.track("orchard/alive/physics/a1/s1", up=True)
     >>> ending.hear(End("a1", 5, True, "harvested", "0" * 64, {}))
@@ -41,8 +39,11 @@ class Ending:
         self._clock = clock
         self._heard: End | None = None
         self._heard_at = -math.inf  # s, on the clock
-        self.gone_at = math.inf  # s, on the clock: when physics went; infinity while it is there
-        # The tokens of physics: two while the router still takes a dead one for alive.
+        # s, on the clock: when the last token of physics went; infinity while one is there, and
+        # before the first one.
+        self.gone_at = math.inf
+        # The tokens of physics. There are two if physics has just been restarted, and the router
+        # has not noticed yet that the process before is dead.
         self._tokens: set[str] = set()
 
     def hear(self, end: End) -> None:
@@ -61,6 +62,7 @@ class Ending:
     @property
     def end(self) -> End | None:
         """The end of the run; None if it is not over, or if that is not credible."""
+        # It is False while nothing was heard, or physics is there: then a time is infinite.
         has_gone_too = abs(self._heard_at - self.gone_at) <= GOES_SECONDS
         if not has_gone_too:
             return None
@@ -70,7 +72,7 @@ class Ending:
 def write_end(end: End, path: str) -> None:
     """Write the end of a run to a file.
 
-    A disk error is only logged: then the message that it publishes counts.
+    A disk error is only logged: then the message that physics publishes counts.
     """
     try:
         write_whole(Path(path), pack(end))

@@ -1,6 +1,6 @@
 """Endpoints, such as tcp/127.0.0.1:7447: checks and conversions.
 
-A router listens there, and clients connect.
+A router listens at an endpoint, and clients connect to it.
 """
 
 import errno
@@ -8,6 +8,7 @@ import ipaddress
 import socket
 from contextlib import suppress
 
+# At any free port of this machine.
 LOOPBACK = "tcp/127.0.0.1:0"
 SECURE_LOOPBACK = "tls/127.0.0.1:0"
 # Environment variable: how Zenoh shares its work among threads.
@@ -17,7 +18,8 @@ ONE_THREAD = "(rx: (handover: app), acc: (handover: app))"
 # s that a connection to this machine may take.
 LOOPBACK_SECONDS = 5.0
 NO_ENDPOINT = "not an endpoint; use one such as tcp/127.0.0.1:7447"
-# All addresses -> one that is on no machine (RFC 5737, 3849).
+# The address that stands for all addresses of a machine (IPv4 and IPv6) -> an address outside, to
+# which no machine answers: one of those for documents, RFC 5737 and 3849.
 OUTSIDE = {
     "0.0.0.0": "192.0.2.1",
     "[::]": "2001:db8::1",
@@ -122,12 +124,14 @@ def from_elsewhere(endpoint: str) -> str:
 
 
 def _own_address(every: str, outside: str) -> str:
-    """Return the address from which this machine would send to one outside.
+    """Return the address from which this machine would send to the address `outside`.
 
-    It is its name if it has no way there. Nothing is sent.
+    Without a way there it is the machine's name. `every`: gives the family, IPv4 or IPv6.
     """
     try:
         with socket.socket(_family(every), socket.SOCK_DGRAM) as probe:
+            # To connect a datagram socket chooses a way, and sends nothing. Any port will do; 9 is
+            # that of the discard protocol.
             probe.connect((outside, 9))
             own = str(probe.getsockname()[0])
     except OSError:

@@ -1,6 +1,7 @@
 """A host runs any number of agents over one session.
 
-It receives what they observe, and sends their velocities.
+It receives what they observe, and sends their velocities. processes/agents.py makes it. mailbox.py
+has the rules of mail, which the code cites by their numbers.
 """
 
 import logging
@@ -49,16 +50,20 @@ from orchard.wire.messages import (
 )
 
 log = logging.getLogger("orchard")
-# How long a host waits for physics that is gone: physics or its router is started again.
+# s that a host waits for physics that is gone: physics or its router may be started again.
 GONE_SECONDS = 20.0
 # s after which a host says that physics is gone. At the end of a run its `end` arrives sooner.
 WARN_SECONDS = 1.0
-JOIN_TRIES = 50  # 5 s in all: the network may learn of a token later than of a join
-TAKEN_TRIES = 30  # 3 s in all: a predecessor that was cut off counts as alive for bus.LEASE_MS
-# A tick that comes again so many s after its answer was sent without knowing the answer.
+# Tries, AGAIN_SECONDS apart, so 5 s in all: the network may learn of a token later than of a join.
+JOIN_TRIES = 50
+# So 3 s in all: a process before this one that was cut off counts as alive for LEASE_MS, 2 s
+# (zenoh_bus.py).
+TAKEN_TRIES = 30
+# s. Physics sends a tick again if it has no answer. If the tick comes again so long after the
+# answer was sent, the two have not crossed: the answer is lost, and is sent again.
 ANSWER_AGAIN_SECONDS = 0.25
-# After so many messages of past ticks in turn the newest tick was false: its number has changed on
-# its way.
+# If so many messages in turn are of past ticks, what was taken for the newest tick was false: its
+# number had changed on its way.
 MOST_PAST = 3
 
 
@@ -74,7 +79,10 @@ def _most_tries(reasons: Collection[str]) -> int:
 
 
 class HostEnded(Exception):
-    """Raised when the run is over for this host. `code`: the exit code of its process."""
+    """Raised when the run is over for this host. `code`: the exit code of its process.
+
+    Its text says why: RESET if the run begins again.
+    """
 
     def __init__(self, code: int, why: str) -> None:
         super().__init__(why)
@@ -93,13 +101,13 @@ class _JoinAgain(Exception):
 
 @dataclass
 class SentAnswer:
-    """What a host has sent for a tick.
+    """What a host has sent for a tick."""
 
-    `tick`: -1 if it has answered none. `at`: when, s on the clock of the bus.
-    """
-
+    # -1: it has answered no tick.
     tick: int = -1
+    # Packed `Velocities`.
     messages: list[bytes] = field(default_factory=list)
+    # s, on the clock of the bus: when they were sent; infinity while that goes on.
     at: float = math.inf
 
 
@@ -138,9 +146,9 @@ class Host:
         self.thinking = ""
         self._answer = SentAnswer()
         self._ending = Ending(bus.clock)
-        # Whether physics has been there.
+        # Whether a token of physics has come or gone yet.
         self._has_begun = False
-        # Whether it was said that physics is gone.
+        # Whether a warning was logged that physics is gone.
         self._has_warned = False
 
     # -- joining
@@ -178,12 +186,14 @@ class Host:
             runner.resume(joined.memories.get(name))
 
     def _joined(self) -> Joined:
-        """Ask physics for the agents, again while what it refuses may be right soon, or come right.
+        """Ask physics for the agents, and return its reply.
 
-        Raises ErrorReply if physics answers with errors only.
+        Ask again while physics refuses for a reason that may pass, or because bytes of the request
+        may have changed on their way. Raises ErrorReply if physics answers with errors only.
         """
         request = pack(Join(self.run_id, self.bus.id, list(self.runners)))
-        # Each kind of refusal has tries of its own: a join that waits for a token may change, too.
+        # The most tries of a kind of refusal -> its tries so far. Each kind has its own: a join
+        # that waits for its token may be refused for another reason in between.
         tries: Counter[int] = Counter()
         errors = 0
         while True:
@@ -195,7 +205,7 @@ class Host:
                     return joined
             except ErrorReply:
                 errors += 1
-                # While physics is gone, another client has refused it.
+                # While physics is gone, the error is from another client, and does not count.
                 if self._ending.gone_at < math.inf:
                     tries.clear()
                     errors = 0
@@ -259,7 +269,8 @@ class Host:
         self._answer = SentAnswer(tick, self._packed(tick, reports))
         self._send_answer()
         self._send_rest(seen, actions)
-        # What has come meanwhile was sent before the answer.
+        # A repetition of the tick that waits in the inbox now was sent before the answer came. So
+        # the time counts from here, and it gets no second answer.
         self._answer.at = self.bus.clock()
 
     def _send_answer(self) -> None:
@@ -268,11 +279,11 @@ class Host:
             self.bus.publish(self.keys.of("velocities", session=self.bus.id), message)
 
     def _take_seen(self, payload: bytes) -> None:
-        """Take what the agents observe.
+        """Take what the agents observe. Raises Refused.
 
-        Answer a tick again that comes again: its answer may be lost, or have changed on its way.
-        Join again if only past ticks come: the newest one was false, and physics would wait in
-        vain.
+        If the newest tick comes again, send its answer again: the first may be lost, or have
+        changed on its way. If only past ticks come, join again: the newest one was false, and
+        physics would wait in vain.
         """
         try:
             self.latest.seen(payload)
@@ -309,7 +320,8 @@ class Host:
         mail = self.mailbox.deliver(tick)
         if not may_lack_mail:
             return mail
-        # That is recorded before the query: late requests may come while the query waits.
+        # Physics has copies of all letters. The mailbox notes the recall before the query, because
+        # requests of this tick may come while the query waits.
         self.mailbox.recall(tick)
         request = pack(Recall(self.run_id, tick))
         try:
@@ -335,9 +347,9 @@ class Host:
     # -- what arrives
 
     def _wait(self, ready: Callable[[], bool], seconds: float = math.inf) -> None:
-        """Handle all present items, then more until `ready()` or the time is over.
+        """Handle all present items, then more until `ready()` is True or the time is over.
 
-        So no old tick is taken for the newest.
+        All present items come first, so that no old tick is taken for the newest.
         """
         for _ in range(len(self.bus.inbox)):
             self._handle_next(0.0)
@@ -346,6 +358,7 @@ class Host:
             remaining = deadline - self.bus.clock()
             if remaining <= 0.0:
                 return
+            # `_check_gone` is due when a warning is, and after it when the patience is over.
             patience = self._patience
             if not self._has_warned:
                 patience = min(patience, WARN_SECONDS)
@@ -361,7 +374,7 @@ class Host:
             self._check_gone()
 
     def _check_gone(self) -> None:
-        """Warn if physics is gone. Raises HostEnded if it is for longer than `patience`."""
+        """Warn if physics is gone. Raises HostEnded if it has been gone for `patience` seconds."""
         now = self.bus.clock()
         gone_at = self._ending.gone_at
         if now >= gone_at + WARN_SECONDS and not self._has_warned:
@@ -394,7 +407,10 @@ class Host:
                 self._track_physics(token, up)
 
     def _track_physics(self, token: str, up: bool) -> None:
-        """Record that physics has come or gone. Raises _JoinAgain if it has come back."""
+        """Record that physics has come or gone. Raises _JoinAgain if it has come back.
+
+        The first token is not a return: it is there when the host begins to listen.
+        """
         had_begun = self._has_begun
         self._has_begun = True
         self._has_warned = False
@@ -412,7 +428,8 @@ class Host:
     def _leave(self, why: str) -> NoReturn:
         """Tell physics that this session leaves. Raises HostEnded.
 
-        Else physics would wait for it at the end: it might only be cut off.
+        If physics were not told, it would wait for this session at the end: it might only be cut
+        off.
         """
         self.bus.publish(self.keys.of("left", session=self.bus.id), pack(Departure(self.run_id)))
         raise HostEnded(0, why)

@@ -1,9 +1,9 @@
 """The line between run.py and each of its processes: a socket, the standard input of the process.
 
-run.py holds its end for as long as the process is to run. So the process learns that run.py asks it
-to end, and also that run.py is gone, however that ended. A process that gets a signal dies of it,
-and run.py starts it again. One that ends by itself says so on the line, with its exit code.
-Whatever else ends it, such as an agent's `os._exit`, says nothing.
+run.py holds its end of the socket for as long as the process is to run. When run.py lets go of it,
+or is gone, however that came, the process learns it, and ends. A process that ends by itself writes
+its exit code on the line. A process that writes nothing there has died: of a signal, or of an
+agent's `os._exit`. run.py starts it again.
 """
 
 import os
@@ -18,14 +18,15 @@ from threading import Thread, Timer
 
 # Environment variable: run.py's process id, and the run's id.
 STARTED_BY = "ORCHARD_STARTED_BY"
-# s after a signal in which run.py may ask too, as when a machine is shut down.
+# s after a signal in which run.py may ask the process to end, too. When a machine is shut down,
+# both get the signal: then the process ends in order, and does not die.
 CONFIRM_SECONDS = 1.0
 # s that a process may take to end when run.py, which would end it by force, is gone.
 ALONE_SECONDS = 10.0
 
 
 class Line:
-    """run.py's end of the line to a process."""
+    """run.py's end of the line to a process. `of_process` is the other end."""
 
     def __init__(self) -> None:
         self._end, self.of_process = socketpair()
@@ -48,9 +49,14 @@ class Line:
     @property
     def code(self) -> int | None:
         """The exit code with which the process has ended by itself; None if it runs or died."""
+        code = b""
+        # OSError: nothing is there to read.
         with suppress(OSError):
-            return next(iter(self._end.recv(1, MSG_PEEK | MSG_DONTWAIT)), None)
-        return None
+            # The byte stays on the line, so this can be asked again.
+            code = self._end.recv(1, MSG_PEEK | MSG_DONTWAIT)
+        if code == b"":
+            return None
+        return code[0]
 
 
 def environment(run: str) -> dict[str, str]:
@@ -59,15 +65,16 @@ def environment(run: str) -> dict[str, str]:
 
 
 def hold_on(ask_to_end: Callable[[], None]) -> Callable[[int], None] | None:
-    """Call `ask_to_end` when run.py lets go; after a mere signal, end.
+    """Call `ask_to_end` when run.py lets go of the line. Die of a signal that comes alone.
 
-    Return what announces the exit code, None without a line.
+    Return the function that writes the exit code on the line; None if run.py has not started this
+    process, so that there is no line.
     """
     if STARTED_BY not in os.environ:
         return None
     owner = int(os.environ.pop(STARTED_BY).split()[0])
     line = os.dup(0)
-    # An agent that reads its input must not wait for run.py.
+    # An agent that reads its standard input must not wait for run.py: it finds an empty file.
     with open(os.devnull) as nothing:
         os.dup2(nothing.fileno(), 0)
     Thread(target=_wait_for_end, args=(line, owner, ask_to_end), daemon=True).start()
@@ -85,13 +92,15 @@ def _announce(line: int, code: int) -> None:
 
 def _wait_for_end(line: int, owner: int, ask_to_end: Callable[[], None]) -> None:
     """Wait until run.py lets go. End by force if the process does not end without run.py."""
-    # The line is reset if run.py was killed.
+    # The read ends with b"" when run.py lets go; if run.py was killed, the line is reset.
     with suppress(ConnectionResetError):
         while os.read(line, 1):
             pass
     ask_to_end()
     time.sleep(ALONE_SECONDS)
-    if os.getppid() != owner:
+    # A process whose parent is gone gets another one.
+    is_alone = os.getppid() != owner
+    if is_alone:
         os._exit(1)
 
 
@@ -104,5 +113,7 @@ def _die_soon(line: int, number: int, frame: object) -> None:
 
 def _die(line: int, number: int) -> None:
     """Die of a signal, unless run.py has let go: then the process ends as it is asked to."""
-    if not select([line], [], [], 0.0)[0]:
+    has_let_go = bool(select([line], [], [], 0.0)[0])
+    if not has_let_go:
+        # As a shell reports a process that died of this signal.
         os._exit(128 + number)

@@ -1,7 +1,8 @@
 """The observations and the mail of a host's agents. In lockstep the mail is repeatable.
 
 Theory of operation. A request of tick k is a query; it is heard at k + 1, and its answer at k + 2,
-in an order that does not depend on the network. The code cites these rules by number:
+in an order that does not depend on the network. Here a get is a query as its sender sees it; it is
+final when all its replies have come, or its time is over. The code cites these rules by number:
 
 1. Join. A host that joins forgets all mail. Its first tick is that of the reply, for which physics
    waits: an answer from before the join does not count. A link that breaks loses what was sent.
@@ -112,11 +113,11 @@ class SentRequest:
     number: int
     to: str
     request: Request
-    # The first reply has come: the request will be heard.
+    # Whether the first reply has come: the request will be heard.
     received: bool = False
-    # The get has ended.
+    # Whether the get has ended.
     final: bool = False
-    # The second reply has come, with this answer.
+    # Whether the second reply has come, with the answer; None: the recipient gives none.
     answered: bool = False
     answer: Answer | None = None
 
@@ -127,8 +128,9 @@ class _ReceivedRequest:
 
     heard: Heard
     question: Query
-    # `close` answers it: the tick at which it is heard has begun, or is over.
+    # Whether the tick at which it is heard has begun, or is over: then `close` answers it.
     is_closed: bool = False
+    # The answer that the agent gives; None: none.
     body: Answer | None = None
 
 
@@ -142,10 +144,11 @@ class Mailbox:
         """Begin without mail. `names`: the agents that may send requests; empty: any agent."""
         self._run = run
         self._names = frozenset(names)
-        # The last tick that was delivered.
+        # The last tick whose mail was delivered; -1: none was.
         self.last = -1
+        # The tick at which the host has joined last.
         self._joined = 0
-        # Ticks of the requests that were heard from the copies of physics.
+        # The last two ticks whose requests were heard from the copies of physics.
         self._recalled: deque[int] = deque(maxlen=2)
         # (recipient, sender, tick, number) -> the request.
         self._waiting: dict[tuple[str, str, int, int], _ReceivedRequest] = {}
@@ -174,6 +177,7 @@ class Mailbox:
             question.refuse(str(refusal))
             raise
         if letter.tick in self._recalled and not self._is_timely(letter.tick):
+            # Its agent has heard it already, from the copies. Its answer is recalled, too.
             question.drop()
             return
         key = (recipient, letter.sender, letter.tick, letter.number)
@@ -190,7 +194,7 @@ class Mailbox:
     def recall(self, tick: int) -> None:
         """Record that the mail of a tick is heard from the copies of physics.
 
-        Its requests may still come.
+        Its requests may still come; then they are no fault.
         """
         self._recalled.append(tick - 1)
 
@@ -222,7 +226,7 @@ class Mailbox:
     def _is_timely(self, tick: int) -> bool:
         """Whether a request is of the last tick of this host or a later one (rule 7).
 
-        Its agents may hold, so it may be behind.
+        If all agents of this host hold, it is not asked at each tick, and other hosts are ahead.
         """
         return self.last <= tick <= self.last + MOST_HOLD
 
@@ -236,7 +240,8 @@ class Mailbox:
         """Whether a tick can begin (rule 2).
 
         Then all gets of two ticks ago are final, and all requests of the last tick are here. A host
-        that has just joined recalls. `asked_of`: the requests that physics knows of.
+        that has just joined need not wait: it recalls its mail. `asked_of`: the requests of the
+        last tick that physics knows of.
         """
         if self._is_new(tick):
             return True
@@ -254,7 +259,11 @@ class Mailbox:
         return not is_answered or not self._has(tick, asked_of)
 
     def _is_new(self, tick: int) -> bool:
-        """Whether the host has joined too late to have all mail of a tick."""
+        """Whether the host has joined too late to have all mail of a tick.
+
+        At the tick at which it joined, and at the one after it, replies come to requests that it
+        has not sent itself.
+        """
         return tick <= self._joined + 1
 
     def _has(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
@@ -314,9 +323,9 @@ class Mailbox:
         return asked
 
     def close(self) -> None:
-        """Reply to all queries that were heard up to this tick, and drop them (rule 3).
+        """Reply to all requests that were heard up to this tick, and drop their queries (rule 3).
 
-        Without an answer it is nil.
+        A request that its agent has not answered gets the answer nil.
         """
         for key, waiting in list(self._waiting.items()):
             if waiting.is_closed:

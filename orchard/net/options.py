@@ -1,6 +1,7 @@
 """The options that start a process of a run.
 
-Each is declared once, for run.py's JSON line and for a command line.
+Each is declared once, as a field of a class. run.py writes them as a JSON line into the standard
+input of the process (lifeline.py), and a user types them on its command line.
 """
 
 import argparse
@@ -20,7 +21,7 @@ MOST_SHOWN = 500
 # The only argument of a process that reads its options from its standard input.
 FROM_STDIN = "-"
 FACTORY = "orchard.behaviour.catalogue:make_agents"
-# Neither NaN nor infinite.
+# The limit refuses infinity, and both refuse NaN.
 Positive = Annotated[float, Meta(gt=0.0, le=1e12)]
 Options = TypeVar("Options", bound="ProcessOptions")
 
@@ -28,7 +29,8 @@ Options = TypeVar("Options", bound="ProcessOptions")
 def option(metavar: str, description: str, **words: str) -> Meta:
     """Return the note that makes a field an option of a command line.
 
-    `words`: further parameters of `ArgumentParser.add_argument`.
+    `metavar`: what stands for its value in --help; '' for a flag. `words`: further parameters of
+    `ArgumentParser.add_argument`.
     """
     return Meta(description=description, extra={"metavar": metavar, **words})
 
@@ -132,7 +134,10 @@ def read_options(kind: type[Options], module: str, argv: Sequence[str] | None = 
 
 
 def _add(parser: CommandLine, name: str, hint: Any, is_required: bool) -> None:
-    """Add a field to the parser: `hint` is its annotation, a type with the note of an option."""
+    """Add a field to the parser.
+
+    `hint`: its annotation, `Annotated[type, ..., note]`, with the note that `option` has made.
+    """
     type_ = hint.__origin__
     note = hint.__metadata__[-1]
     flag = f"--{name.replace('_', '-')}"
@@ -147,7 +152,7 @@ def _add(parser: CommandLine, name: str, hint: Any, is_required: bool) -> None:
                 f"{text}: expected {note.extra['metavar']}: {note.description}"
             ) from None
 
-    # An argument that stands alone, without a flag.
+    # It stands alone, without a flag.
     if "nargs" in note.extra:
         parser.add_argument(name, help=note.description, **note.extra)
     elif type_ is bool:

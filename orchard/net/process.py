@@ -34,7 +34,8 @@ def run_process(
     its inbox: SIGINT and SIGTERM or, for a process of run.py, that run.py lets go of its line.
     """
     options = read_options(kind, f"orchard.processes.{name}", argv)
-    # What is imported stays.
+    # Objects of imported modules live as long as the process, so the garbage collector need not
+    # look at them.
     gc.freeze()
     logging.basicConfig(level=logging.WARNING, format=f"{name}: %(message)s")
     inbox = Inbox()
@@ -66,7 +67,11 @@ def monitor(host: Host, seconds: float = LONG_SECONDS) -> None:
 
 
 def _watch(host: Host, thread: int, seconds: float) -> None:
-    """Log each agent, once, that thinks about one tick at two looks. `thread`: in which it does."""
+    """Log each agent, once, that thinks about the same tick at two looks, `seconds` apart.
+
+    `thread`: the id of the thread in which the agents tick.
+    """
+    # The agent and its tick at the last look.
     last_seen = ("", -1)
     logged = set[str]()
     while True:

@@ -1,4 +1,8 @@
-"""Refused messages: the reasons, the counts, and the totals of all processes of a run."""
+"""Refused messages: the reasons, the counts, and the totals of all processes of a run.
+
+Physics, hosts and the logger refuse messages that do not count, such as those of another run, and
+go on. Each counts them; hosts and the logger send their counts to physics, which adds them up.
+"""
 
 import logging
 from collections import Counter
@@ -19,7 +23,7 @@ log = logging.getLogger("orchard")
 MOST_LOGGED = 1000
 # Sessions that have a count of refusals.
 MOST_SESSIONS = 1000
-# why physics refuses that a session owns an agent
+# Why physics refuses that a session owns an agent. A host tells by them how often to try again.
 NO_TOKEN = "its liveliness token is missing"
 TAKEN = "it is taken"
 

@@ -1,4 +1,4 @@
-"""Requests to physics: a Zenoh get that is repeated until a valid reply arrives."""
+"""Requests of a session to physics: a Zenoh get that is repeated until a valid reply arrives."""
 
 from collections.abc import Callable, Iterator
 from typing import TypeVar
@@ -15,17 +15,18 @@ from orchard.wire.messages import RefusedThere, RunInfo, read
 
 M = TypeVar("M")
 
-# How long physics may take to reply to a session that joins: it may be compiling.
+# s that physics may take to reply to a session that joins: it may be compiling.
 ANSWER_SECONDS = 120.0
 # s after which the question for the run is repeated: it may be lost during a reset.
 FETCH_SECONDS = 3.0
-# Between two checks whether physics is gone, while nothing arrives.
+# s between two checks whether physics is gone, while nothing arrives.
 LOOK_SECONDS = 1.0
-# Between two tries, while no reply comes.
+# s between two tries, while no reply comes.
 AGAIN_SECONDS = 0.1
-TRIES = 300  # 30 s in all: physics starts slowly on a busy machine
-# Tries of a question that is refused, or has an answer that cannot be used: question or answer may
-# have changed on its way.
+# So 30 s in all: physics starts slowly on a busy machine.
+TRIES = 300
+# Tries of a question that is refused, or has an answer that cannot be used. Bytes of the question
+# or the answer may have changed on their way.
 REFUSED_TRIES = 5
 
 
@@ -61,9 +62,10 @@ def ask(
     The get is repeated after `seconds` without a valid reply. Any client may reply, so an error
     counts only if no valid reply comes. Raises ErrorReply for an error, BusError if no reply comes.
 
-    `understand`: payload of a reply -> message; raises Refused or ValueError. A ScenarioError of it
-    counts as an error reply does, and is raised in its place. `handle`: takes all other items that
-    arrive. `refusals`: counts invalid replies. `meanwhile`: called at least once a second.
+    `understand`: payload of a reply -> message. It raises Refused or ValueError for an invalid
+    reply; if it raises ScenarioError, that counts as an error reply, and is raised in place of
+    ErrorReply. `handle`: takes all other items that arrive. `refusals`: counts invalid replies.
+    `meanwhile`: called at least once a second.
     """
     for _ in range(tries):
         ticket = object()
@@ -143,8 +145,9 @@ def _ask_for_run(
 ) -> M:
     """Return what physics replies to the question for its run.
 
-    Physics refuses no client its run. So an error is of another client, and no reason to give up. A
-    scenario that is not valid may have changed on its way: it is asked for REFUSED_TRIES times.
+    Physics refuses no client its run. So an error reply is from another client, and no reason to
+    give up: it is asked again, up to `tries` times. Bytes of a scenario that is not valid may have
+    changed on their way: it is asked for REFUSED_TRIES times.
     """
     key = keys.of("scenario")
     refused = 0

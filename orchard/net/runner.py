@@ -1,4 +1,7 @@
-"""An agent on a host: it acts with the memory that physics keeps for the next host of it."""
+"""An agent on a host, with its memory. Physics keeps a copy of the memory as bytes.
+
+If the host dies, the next host of the agent goes on with that copy.
+"""
 
 import logging
 from typing import Any
@@ -23,9 +26,9 @@ class AgentRunner:
         self._sent: bytes | None = None
 
     def resume(self, memory: bytes | None) -> None:
-        """Continue with the memory that physics has.
+        """Continue with the memory that physics has; None: without one.
 
-        It goes on without one if that is None, or of another class.
+        The agent goes on without one, too, if the memory does not fit its `Memory`.
         """
         self.memory = None
         self._sent = memory
@@ -45,7 +48,10 @@ class AgentRunner:
         return action
 
     def news(self) -> bytes | None:
-        """Return the packed memory; None if physics has it already."""
+        """Return the packed memory to send; None if physics has it already.
+
+        Call it once after each `act`: it counts as sent.
+        """
         before = self._sent
         self._sent = self._agent.packed
         if self._sent == before:

@@ -37,32 +37,39 @@ from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY
 
 log = logging.getLogger("orchard.net.zenoh_bus")
 
-# How long a client tries to connect to its router.
+# CONTRIBUTING.md has the facts of Zenoh from which these follow.
+# s that a client tries to connect to its router.
 CONNECT_SECONDS = 7.0
-# How long a router tries to get its port.
+# s that a router tries to get its port.
 LISTEN_SECONDS = 1.0
-# A neighbour that is silent for this long counts as gone.
+# ms after which a silent neighbour counts as gone.
 LEASE_MS = 2000
-# Connections that have not said what they are; at Zenoh's 100 no other client gets in for 10 s.
+# Connections that have not said yet what they are. With Zenoh's default, 100, a client that opens
+# so many keeps all others out for 10 s.
 MOST_SILENT = 10_000
-# How long the router waits for a neighbour that receives nothing, before it closes the link.
+# Microseconds that the router waits for a neighbour that receives nothing, before it closes the
+# link.
 FULL_QUEUE_US = 300_000
+# How a query is sent. Any client may reply, so all queryables are asked.
 _ASKING: dict[str, Any] = {
     "target": zenoh.QueryTarget.ALL,
     # AUTO would hold the first reply back until the last.
     "consolidation": zenoh.ConsolidationMode.NONE,
     "congestion_control": zenoh.CongestionControl.BLOCK,
 }
-# Characters of a panic that are shown.
+# Characters of a panic of Zenoh, which is in Rust, that are shown.
 MOST_WORDS = 300
+# Settings of a session that connects to nothing.
 _ALONE: dict[str, Any] = {
     "mode": "peer",
     "listen/endpoints": [],
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
 }
-# Part of a value of ZENOH_RUNTIME, in RON, with which nothing can be received; and its comments.
+# In a value of ZENOH_RUNTIME, which is in RON (Rust Object Notation): a number of threads that is
+# 0, in any base, with which nothing can be received.
 NO_THREADS = re.compile(r"(worker_threads|max_blocking_threads)\s*:\s*0[xob]?[0_]*\s*[,)]")
+# The comments of RON, which may hide it.
 COMMENTS = re.compile(r"/\*.*?\*/|//[^\n]*", re.DOTALL)
 # A session does not receive its own samples.
 _OTHERS = zenoh.Locality.REMOTE
@@ -74,7 +81,7 @@ _OPEN = (
 
 @contextmanager
 def _errors_ignored(what: str) -> Iterator[None]:
-    """Ignore errors of zenoh.
+    """Ignore errors of zenoh in this context. `what`: what is sent, for the log.
 
     That a peer is gone, or a session closes, is no reason to stop.
     """
@@ -88,7 +95,7 @@ class ZenohQuery(Query):
     """A question of a client, answered by Zenoh."""
 
     def __init__(self, query: zenoh.Query) -> None:
-        # The client's, which may have wildcards, not the queryable's.
+        # The key that the client has asked, which may have wildcards.
         self.key = str(query.key_expr)
         if query.payload is None:
             self.payload = b""
@@ -123,9 +130,9 @@ class ZenohBus(Bus):
         self._session = session
         self.executor = ThreadPoolExecutor(max_workers=1)
         self._publishers: dict[str, zenoh.Publisher] = {}
-        # Publishers that only check for subscribers.
-        self._listeners: dict[str, zenoh.Publisher] = {}
-        # Declarations, which end when they are no longer referenced.
+        # Publishers that publish nothing: they tell whether a key has subscribers.
+        self._probes: dict[str, zenoh.Publisher] = {}
+        # Subscribers and queryables, which would end if nothing referred to them.
         self._kept: list[Any] = []
         self._tokens: dict[str, zenoh.LivelinessToken] = {}
 
@@ -156,12 +163,10 @@ class ZenohBus(Bus):
                 publisher.undeclare()  # type: ignore[no-untyped-call]
 
     def is_heard(self, keys: str) -> bool:
-        if keys not in self._listeners:
-            self._listeners[keys] = self._session.declare_publisher(
-                keys, allowed_destination=_OTHERS
-            )
-        # Zenoh's stub is wrong.
-        status: Any = self._listeners[keys].matching_status
+        if keys not in self._probes:
+            self._probes[keys] = self._session.declare_publisher(keys, allowed_destination=_OTHERS)
+        # Zenoh's stub has another type for it than its code.
+        status: Any = self._probes[keys].matching_status
         return bool(status.matching)
 
     def ask(self, key: str, payload: bytes, ticket: Any, seconds: float = GET_SECONDS) -> None:
@@ -203,6 +208,7 @@ class ZenohBus(Bus):
             self._tokens.pop(token).undeclare()  # type: ignore[no-untyped-call]
 
     def _into(self, item_of: Callable[[Any], Item], quietly: bool = False) -> "Callback[Any]":
+        """Return what puts all that arrives into the inbox. `item_of`: makes an item of it."""
         if quietly:
             put = self.inbox.put_quietly
         else:
@@ -264,6 +270,7 @@ def client(
 def _opened(
     mode: str, endpoint: str, inbox: Inbox | None, seconds: float, identity: Identity | None
 ) -> Iterator[Bus]:
+    """Open a session, and close it at the end. `mode`: Zenoh's word, "router" or "client"."""
     check_security(endpoint, identity is not None)
     check_runtime()
     try:
@@ -296,7 +303,11 @@ def check_runtime() -> None:
 
 @cache
 def _begin_with(chosen: str) -> None:
-    """Open a session that connects to nothing. Zenoh reads its runtime when the first one opens."""
+    """Open a session that connects to nothing, so that Zenoh reads ZENOH_RUNTIME.
+
+    Raises BusError if Zenoh cannot use the value. Zenoh reads it once, at the first session, so
+    this is done once, too.
+    """
     config = zenoh.Config()
     for key, value in _ALONE.items():
         config.insert_json5(key, json.dumps(value))
@@ -307,7 +318,10 @@ def _begin_with(chosen: str) -> None:
 
 @contextmanager
 def _panics_explained(cause: str = "") -> Iterator[None]:
-    """In this context, a panic of Zenoh's becomes a BusError. It is no Exception of Python's."""
+    """In this context, a panic of Zenoh becomes a BusError. `cause`: what stands before its words.
+
+    A panic is a BaseException whose class cannot be imported.
+    """
     try:
         yield
     except BaseException as error:
@@ -319,10 +333,7 @@ def _panics_explained(cause: str = "") -> Iterator[None]:
 
 @contextmanager
 def _stderr_dropped() -> Iterator[None]:
-    """In this context, what Rust writes to stderr is lost.
-
-    A panic has a backtrace of many lines.
-    """
+    """In this context, all that Rust writes to stderr is lost: the many lines of a panic."""
     with suppress(OSError):
         sys.stderr.flush()
     before = os.dup(2)
@@ -338,6 +349,7 @@ def _stderr_dropped() -> Iterator[None]:
 def _explain(
     mode: str, endpoint: str, seconds: float, identity: Identity | None, error: str
 ) -> str:
+    """Return, for people, why a session could not be opened. `error`: the words of Zenoh."""
     if "must be of the form" in error:
         return f"{endpoint}: {NO_ENDPOINT}"
     if mode == "router":
@@ -347,6 +359,7 @@ def _explain(
 
 
 def _config(mode: str, endpoint: str, seconds: float, identity: Identity | None) -> zenoh.Config:
+    """Return the settings of a session. `seconds`: that a client tries to connect."""
     settings: dict[str, Any] = {
         "mode": mode,
         "scouting/multicast/enabled": False,
@@ -386,6 +399,7 @@ def _config(mode: str, endpoint: str, seconds: float, identity: Identity | None)
 
 
 def _tls_settings(identity: Identity) -> dict[str, Any]:
+    """Return the settings with which both sides of a connection show and check certificates."""
     tls: dict[str, Any] = {
         "root_ca_certificate": str(identity.folder / AUTHORITY),
         "enable_mtls": True,

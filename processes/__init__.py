@@ -2,4 +2,5 @@
 
 from orchard.memory import collect_seldom
 
+# In each of them the garbage collector runs seldom.
 collect_seldom()

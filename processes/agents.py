@@ -3,7 +3,7 @@
     python -m orchard.processes.agents --connect tcp/127.0.0.1:7447 --only picker --only bin_03
 
 The scenario comes from physics. Without --only and --without it hosts all agents; --share 0/3 hosts
-every third agent.
+every third agent. orchard/net/host.py does the ticks.
 """
 
 import logging
@@ -34,14 +34,17 @@ from orchard.wire.messages import RESET
 
 log = logging.getLogger("orchard")
 
+# Makes the agents of some names of a layout, name -> agent.
 Factory = Callable[[Layout, Collection[str]], dict[str, Agent]]
+# Opens a session whose items arrive in an inbox.
 Opened = Callable[[Inbox], AbstractContextManager[Bus]]
-# Sessions that are tried after a reset, all but the last one for a sixth of the tries.
+# Sessions that are opened after a reset, until one finds the run. All but the last one try for a
+# sixth of the usual time.
 SESSIONS = 6
 
 
 def made(path: str, layout: Layout, names: Collection[str]) -> dict[str, Agent]:
-    """Return what the factory 'package.module:name' makes, name -> agent.
+    """Return the agents that the factory 'package.module:name' makes, name -> agent.
 
     Raises ValueError for its faults.
     """
@@ -91,9 +94,10 @@ def host(
 ) -> NoReturn:
     """Host agents until the run ends, again after each reset.
 
-    `ready` gets each host first. Raises HostEnded.
+    `ready` gets each host before its first tick. Raises HostEnded.
     """
-    # After a reset the first sessions may be at a router that closes.
+    # One session at first. After a reset more, because the first ones may find the router of the
+    # run before, which closes soon.
     sessions_left = 1
     while True:
         sessions_left -= 1
@@ -113,7 +117,7 @@ def host(
         except BusError:
             if is_last:
                 raise
-        # The run begins again: nothing of it is kept.
+        # Nothing of this session counts for the next one.
         inbox.forget()
 
 
@@ -123,7 +127,7 @@ def _host(bus: Bus, options: HostOptions, identity: Identity | None, tries: int)
     run, layout = fetch_layout(bus, keys, end_if_asked, tries)
     allowed = run.agents if identity is None else set(run.agents) & set(identity.role.names)
     names = select_agents(sorted(allowed), options.only, options.without, options.share)
-    # No other agents are made: a class may end its process.
+    # Only these are made: a user's class may end its process.
     agents = made(options.agents, layout, names)
     if options.replay is not None:
         # It is imported here, because its packages are an extra.

@@ -29,7 +29,8 @@ log = logging.getLogger("orchard")
 
 def main(argv: list[str] | None = None) -> int:
     """Record a run until it ends. Return the exit code."""
-    # Where the system knows how, it interrupts no process for which the run waits.
+    # On Linux, a process of this policy interrupts no other one when it wakes up. The run waits for
+    # the others.
     with suppress(AttributeError, OSError):
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
     mistakes = (BusError, ScenarioError, ValueError, OSError, RuntimeError)

@@ -31,7 +31,9 @@ from orchard.wire.messages import End
 if TYPE_CHECKING:
     from orchard.server.loop import RunLoop
 
+# Opens the session of physics, whose items arrive in an inbox.
 Opened = Callable[[RunOptions, Inbox], AbstractContextManager[Bus]]
+# Gets a run ready for its first tick.
 Ready = Callable[["RunLoop"], None]
 
 
@@ -53,7 +55,8 @@ def rehearsed(loop: "RunLoop") -> None:
 def main(argv: list[str] | None = None) -> int:
     """Run an orchard.
 
-    Return the exit code: 0; 1 for a bad run, unless --result tells it; 2 for bad input.
+    Return the exit code: 0; 1 for a bad run, unless its end is in the file of --result; 2 for bad
+    input.
     """
     mistakes = (BusError, ScenarioError, SnapshotError, ValueError, OSError)
     return run_process("physics", RunOptions, argv, simulate, *mistakes)
@@ -62,9 +65,9 @@ def main(argv: list[str] | None = None) -> int:
 def simulate(
     inbox: Inbox, options: RunOptions, opened: Opened = opened_over_zenoh, ready: Ready = rehearsed
 ) -> int:
-    """Simulate an orchard until its run ends, again after each reset.
+    """Simulate an orchard until its run ends, again after each reset. Return the exit code.
 
-    `ready` comes before the first tick.
+    `ready` is called before the first tick of each run.
     """
     keys = Keys(options.prefix)
     snapshots = options.snapshot_folder
@@ -85,6 +88,7 @@ def simulate(
                 return code
             inbox.forget()
             options = again
+            # After a reset it does not go on from the snapshot.
             before = None
 
 
@@ -113,7 +117,8 @@ def _simulate_once(
         options = msgspec.structs.replace(options, absent=absent)
     physics = RunLoop(bus, keys, engine, options, before)
     if before is None:
-        # A host may not know a scenario that physics, killed at once, would not begin with again.
+        # Hosts learn the scenario of this run soon, which a reset may have changed. If physics is
+        # killed after that, it must go on with the same one, so a snapshot is written first.
         physics.run.keep_at_once()
     physics.arrivals.listen()
     if options.connect:
@@ -123,8 +128,12 @@ def _simulate_once(
     print(f"{where} {bus.endpoint}, prefix {keys.prefix}, run {physics.run.id}", flush=True)
     end = physics.play(lambda: ready(physics))
     _print_end(end)
-    is_told = options.result is not None
-    return 1 if _is_bad(end) and not is_told else 0, physics.again
+    # `orchard` reads the end from the file of --result, and reports what is bad.
+    is_reported = options.result is not None
+    code = 0
+    if _is_bad(end) and not is_reported:
+        code = 1
+    return code, physics.again
 
 
 def _print_end(end: End) -> None:

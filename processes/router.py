@@ -1,6 +1,4 @@
-"""The router process: a router of its own, to which all other processes connect.
-
-For several machines.
+"""The router process: only a router, to which all other processes connect, for several machines.
 
     python -m orchard.processes.router --listen tcp/0.0.0.0:7447
 

@@ -1,9 +1,9 @@
 """Certificates on the curve P-256: an authority, what it issues, and checks.
 
-Only this module imports `cryptography`.
+Only this module imports `cryptography`; identity.py uses it.
 
-An authority's own key never leaves its directory. A role verifies the others with the authority's
-certificate.
+An authority signs the certificates of all roles with its key, which never leaves its directory. A
+process verifies the certificate of another one with the authority's certificate.
 """
 
 import ipaddress
@@ -26,9 +26,10 @@ from orchard.folders import regular
 from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY, Role
 
 T = TypeVar("T")
-# A certificate is valid before it is made: another machine's clock may be behind.
+# So long before it is made a certificate is valid: another machine's clock may be behind.
 EARLIER = timedelta(hours=1)
 PEM = serialization.Encoding.PEM
+# What a certificate is for: to accept connections, and to make them.
 SERVES = ExtendedKeyUsageOID.SERVER_AUTH
 CALLS = ExtendedKeyUsageOID.CLIENT_AUTH
 
@@ -46,6 +47,7 @@ class Authority:
         name = f"orchard {secrets.token_hex(8)}"
         key = ec.generate_private_key(ec.SECP256R1())
         draft = _draft(_name(name), _name(name), key, datetime.now(UTC) + timedelta(days=days))
+        # `path_length` 0: what it issues is no authority itself.
         draft = draft.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
         never = (
             "digital_signature",
@@ -64,6 +66,7 @@ class Authority:
         return cls(draft.add_extension(only, critical=True).sign(key, hashes.SHA256()), key)
 
     def write(self, folder: Path) -> None:
+        """Write the authority's certificate and its key into its directory."""
         _write(folder, self.certificate, self.key)
 
     def vouch(
@@ -71,7 +74,7 @@ class Authority:
     ) -> None:
         """Write a role's certificate, its key and the authority's certificate.
 
-        The certificate is valid `until` then, or as long as the authority's. Only a role with
+        `until`: when the role's certificate expires; None: with the authority's. Only a role with
         `addresses` can accept connections. Raises ValueError for an address that is malformed.
         """
         key = ec.generate_private_key(ec.SECP256R1())
@@ -98,12 +101,14 @@ class Authority:
 def _draft(
     subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePrivateKey, until: datetime
 ) -> x509.CertificateBuilder:
+    """Return a certificate with names, key and validity, to which extensions are added."""
     begin = min(datetime.now(UTC), until) - EARLIER
     draft = x509.CertificateBuilder(issuer, subject, key.public_key(), x509.random_serial_number())
     return draft.not_valid_before(begin).not_valid_after(until)
 
 
 def _name(text: str, digest: str = "") -> x509.Name:
+    """Return the name in a certificate. `digest`: that of a role, see `Role.digest`."""
     attributes = []
     if text:
         attributes.append(x509.NameAttribute(NameOID.COMMON_NAME, text))
@@ -112,7 +117,8 @@ def _name(text: str, digest: str = "") -> x509.Name:
     return x509.Name(attributes)
 
 
-def _in(name: x509.Name, oid: x509.ObjectIdentifier) -> str:
+def _attribute(name: x509.Name, oid: x509.ObjectIdentifier) -> str:
+    """Return an attribute of the name in a certificate; '' if it has none."""
     attributes = name.get_attributes_for_oid(oid)
     if not attributes:
         return ""
@@ -141,9 +147,11 @@ def address(text: str) -> x509.GeneralName:
 
 
 def _write(folder: Path, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> None:
+    """Write a certificate and its key, which only the owner of the file can read."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     (folder / CERTIFICATE).write_bytes(certificate.public_bytes(PEM))
     secret = key.private_bytes(PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
+    # A new file is made with the mode of a secret; an old one would keep its own.
     (folder / KEY).unlink(missing_ok=True)
     with open(os.open(folder / KEY, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
         file.write(secret)
@@ -159,7 +167,7 @@ def check(folder: Path, role: Role) -> None:
     """
     certificate = _certificate(folder / CERTIFICATE)
     authority = _certificate(folder / AUTHORITY)
-    name = _in(certificate.subject, NameOID.COMMON_NAME)
+    name = _attribute(certificate.subject, NameOID.COMMON_NAME)
     if name != role.name:
         raise ValueError(
             f"{folder / CERTIFICATE}: this is the certificate of {name}, not of {role.name}"
@@ -174,7 +182,7 @@ def check(folder: Path, role: Role) -> None:
     key = _read(folder / KEY, _private_key, "not a private key without a password")
     if key.public_key() != certificate.public_key():
         raise ValueError(f"{folder / KEY}: not the key of the certificate beside it")
-    if _in(certificate.subject, NameOID.SERIAL_NUMBER) != role.digest:
+    if _attribute(certificate.subject, NameOID.SERIAL_NUMBER) != role.digest:
         change = f"role.json has changed (duty {role.duty}, names {', '.join(role.names)})"
         raise ValueError(
             f"{folder}: {change}, and a router does not grant that; `orchard secure --anew` "
@@ -202,6 +210,7 @@ def _private_key(data: bytes) -> PrivateKeyTypes:
 
 
 def _read(path: Path, load: Callable[[bytes], T], fault: str) -> T:
+    """Return what `load` makes of a file. Raises ValueError, with `fault` if `load` fails."""
     try:
         return load(regular(path).read_bytes())
     except OSError as error:

@@ -1,6 +1,8 @@
 """A role's directory: how it is made, and what identity a process has with it.
 
-It also tells why two processes cannot connect.
+`orchard secure` makes a directory for each role of a run (`make`). A process loads its own one
+(`identity_in`), and `orchard --secure` loads all (`Keyring`). `why_no_trust` tells why two
+processes cannot connect.
 """
 
 import importlib
@@ -23,9 +25,10 @@ from orchard.wire.keys import PREFIX, Keys
 
 log = logging.getLogger("orchard")
 
-# A role's files.
-ROLE, ACCESS = "role.json", "access.json"
-# What a bridge may control, beside robots.
+# A role's files: what it is, and, of a router, what it lets through.
+ROLE = "role.json"
+ACCESS = "access.json"
+# The word for what a bridge may control beside robots: pause, steps and reset of the simulation.
 SIMULATION = "simulation"
 # The authority's own directory.
 HOME = "authority"
@@ -33,9 +36,9 @@ HOME = "authority"
 FILES = (ROLE, ACCESS, CERTIFICATE, KEY, AUTHORITY)
 # Addresses by which each machine reaches itself.
 LOCAL = ("127.0.0.1", "::1", "localhost")
-# Time that the other side has for each step, when a process finds out why it cannot connect.
+# s that the other side has for each step, when a process finds out why it cannot connect.
 SECONDS = 3.0
-# Names are as long as an agent's name, and as a name in a certificate.
+# At most 64 characters, as the name of an agent and as a name in a certificate.
 _NAME = re.compile(r"[a-z][a-z0-9_-]{0,63}")
 
 
@@ -58,9 +61,9 @@ class Identity:
         return identity
 
     def rules(self) -> Any:
-        """Return what a router lets through, as Zenoh's access_control.
+        """Return what a router lets through, as Zenoh's setting `access_control`.
 
-        Raises ValueError if it may not listen.
+        Raises ValueError if this role may not listen, or if its file would let all through.
         """
         if not (self.folder / ACCESS).is_file():
             raise ValueError(
@@ -87,9 +90,10 @@ class Identity:
         return rules
 
 
+# Its cache lets it log each key once.
 @cache
 def _check_mode(key: Path, mode: int) -> None:
-    """Log once that others can read a private key, if they can."""
+    """Log that other users can read a private key, if they can. `mode`: that of its file."""
     if mode & 0o077:
         log.warning(
             "%s: other users can read this private key (mode %03o), and so take the role; run: "
@@ -150,6 +154,7 @@ class Keyring:
     """The roles that have a directory on this machine: all roles of a run, or a single one."""
 
     folder: Path
+    # Name of a role -> its directory.
     roles: dict[str, Path]
 
     @classmethod
@@ -187,18 +192,20 @@ class Keyring:
         hosts = {}
         for name, folder in self.roles.items():
             role = role_in(folder)
-            its = sorted(set(role.names) & known)
-            if role.duty == "host" and wanted & set(its):
-                hosts[name] = its
-        for name, its in hosts.items():
-            if not wanted >= set(its):
+            of_role = sorted(set(role.names) & known)
+            if role.duty == "host" and wanted & set(of_role):
+                hosts[name] = of_role
+        for name, of_role in hosts.items():
+            elsewhere = sorted(set(of_role) - wanted)
+            if elsewhere:
                 raise ValueError(
-                    f"{name} is the role of {', '.join(its)}: one process hosts them all, here "
+                    f"{name} is the role of {', '.join(of_role)}: one process hosts them all, here "
                     "or on another machine; "
-                    f"`orchard secure --role NAME={','.join(sorted(set(its) - wanted))}` gives "
+                    f"`orchard secure --role NAME={','.join(elsewhere)}` gives "
                     "the others a role of their own"
                 )
-        if left := sorted(wanted.difference(*hosts.values())):
+        left = sorted(wanted.difference(*hosts.values()))
+        if left:
             raise ValueError(
                 f"{self.folder}: no role for {', '.join(left)}; was it made for another "
                 "scenario? See `orchard secure --help`"
@@ -207,9 +214,10 @@ class Keyring:
 
 
 def why_no_trust(endpoint: str, folder: Path) -> str:
-    """Return why a process and the one at tls/host:port do not accept each other.
+    """Return why this process and the one that listens at tls/host:port do not accept each other.
 
-    It is '' for other faults. The role's files are in `folder`.
+    It connects by TLS alone, without Zenoh, to find out. It returns '' for other faults. `folder`:
+    the directory of this process's role.
     """
     # It is imported here, because it takes a tenth of a process's start.
     import ssl
@@ -250,9 +258,10 @@ def why_no_trust(endpoint: str, folder: Path) -> str:
 def make(
     folder: Path, clients: Iterable[Role], addresses: Sequence[str], days: float, anew: bool = False
 ) -> list[Role]:
-    """Write the authority and all roles, valid for `days` days.
+    """Write the authority and all roles, valid for `days` days. Return the roles.
 
-    Return the roles. `clients`: hosts and bridges.
+    `clients`: the roles of hosts and bridges. `addresses`: at which physics or a router listens,
+    beside those of this machine to itself.
 
     Raises ValueError for a malformed name or address, for a directory with other files, and for one
     with an authority unless `anew`.
@@ -306,7 +315,8 @@ def host_roles(names: Sequence[str], wishes: Iterable[str], shares: Shares) -> l
 
 
 def bridge_roles(names: Sequence[str], wishes: Iterable[str]) -> list[Role]:
-    """Return a role for each wish NAME[=KIND|AGENT|simulation,...]: what it may drive.
+    """Return a role for each wish NAME[=KIND|AGENT|simulation,...]: the bridge's name, and what it
+    may drive.
 
     Raises ValueError.
     """
@@ -321,6 +331,7 @@ def bridge_roles(names: Sequence[str], wishes: Iterable[str]) -> list[Role]:
 
 
 def _bridge_role(names: Sequence[str], name: str, words: Sequence[str]) -> Role:
+    """Return the role of a bridge. `words`: kinds, agents or "simulation", which it may drive."""
     robots = [word for word in words if word != SIMULATION]
     if SIMULATION in words:
         duty: Duty = "operating-bridge"
@@ -332,6 +343,7 @@ def _bridge_role(names: Sequence[str], name: str, words: Sequence[str]) -> Role:
 
 
 def _check_names(roles: Sequence[Role]) -> None:
+    """Raise ValueError for a malformed or repeated name, or an agent in two roles of hosts."""
     for role in roles:
         if not _NAME.fullmatch(role.name):
             raise ValueError(
@@ -352,6 +364,7 @@ def _check_names(roles: Sequence[Role]) -> None:
 
 
 def _refuse_repeats(words: Sequence[str], why: str) -> None:
+    """Raise ValueError if a word is repeated. `why`: what is said of it."""
     for word, times in Counter(words).items():
         if times > 1:
             raise ValueError(f"{word} {why}")
@@ -369,7 +382,10 @@ def _make_room(folder: Path, anew: bool) -> None:
             f"{folder}: it has an authority already; --anew replaces it, and makes the old "
             "certificates invalid"
         )
-    if folder.exists() and (others := sorted(set(folder.iterdir()) - set(made))):
+    others: list[Path] = []
+    if folder.exists():
+        others = sorted(set(folder.iterdir()) - set(made))
+    if others:
         raise ValueError(
             f"{folder}: it has other files, such as {others[0].name}; "
             "expected a directory that is empty or does not exist yet"

@@ -2,8 +2,9 @@
 
 What is not allowed here is denied.
 
-A role is a kind of process of one run. The router knows it by a session's certificate, and checks
-each message that comes from the session (ingress) or goes to it (egress).
+A role is what a process of one run may do, such as to host some agents. The router knows the role
+by the certificate of a session, and checks each message that comes from the session (ingress) or
+goes to it (egress). orchard/wire/keys.py has the kinds of keys.
 """
 
 import hashlib
@@ -41,7 +42,8 @@ class Role:
 
     name: str
     duty: Duty
-    # In its liveliness tokens: a host's agents; the robots that a bridge may drive.
+    # The agents of a host, or the robots that a bridge may drive. They stand in its liveliness
+    # tokens.
     names: tuple[str, ...] = ()
 
     @property
@@ -50,19 +52,20 @@ class Role:
 
         It is hexadecimal, and the same in every run.
         """
-        # Zenoh allows no leading 0.
+        # 16 digits are an id of Zenoh, which has no leading 0.
         return "a" + hashlib.sha256(self.name.encode()).hexdigest()[:15]
 
     @property
     def digest(self) -> str:
-        """What its certificate says beside its name.
+        """A checksum of the role, which its certificate contains.
 
-        A role with another duty or names needs another certificate.
+        So a role whose duty or names are changed in its file needs another certificate.
         """
         return hashlib.sha256(" ".join((self.name, self.duty, *self.names)).encode()).hexdigest()
 
 
-# A role of its own, because run.py already uses the operator's.
+# `orchard stop` has a role of its own. A session id belongs to a role, and run.py, which runs at
+# the same time, uses that of the operator.
 EMERGENCY_OPERATOR = "emergency-operator"
 SERVANTS = (
     Role(PHYSICS, "physics", (PHYSICS,)),
@@ -94,7 +97,8 @@ LOGGER_ITSELF = Party("logger", own=True)
 OPERATOR = Party("operator")
 EMERGENCY = Party("emergency-operator")
 OPERATING_BRIDGE = Party("operating-bridge")
-# They see all bodies.
+# A bridge has rights on the keys of all bodies as the first of these, and on those of the robots
+# that it may drive as the second.
 BRIDGES = (Party("bridge"), OPERATING_BRIDGE)
 OWN_BRIDGES = (Party("bridge", own=True), Party("operating-bridge", own=True))
 AUDIENCE = (ANY_HOST, THE_LOGGER, OPERATOR, *BRIDGES)
@@ -121,7 +125,7 @@ _RIGHTS: dict[tuple[str, ...], Right] = {
     ("advice",): Right((OWN_HOST, *OWN_BRIDGES), (THE_PHYSICS,)),
     ("velocities", "left", "join"): Right((OWN_HOST,), (THE_PHYSICS,)),
     ("pose", "odometry", "scan"): Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER, *BRIDGES)),
-    # No agent can peep.
+    # Hosts may not hear it: an agent must not know more than its sensors measure.
     ("truth",): Right((THE_PHYSICS,), (THE_LOGGER, *BRIDGES)),
     ("clock", "refusals", "lost", "end"): Right((THE_PHYSICS,), AUDIENCE),
     ("seen",): Right((THE_PHYSICS,), (OWN_HOST,)),
@@ -131,9 +135,9 @@ _RIGHTS: dict[tuple[str, ...], Right] = {
     ("state",): Right((OWN_HOST,), (ANY_HOST, THE_LOGGER)),
     ("events",): Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR, *BRIDGES)),
     ("figures",): Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR)),
-    # A count, which moves nothing.
+    # The counts of refused messages. A host or a logger can do no harm with them.
     ("refused",): Right((OWN_HOST, LOGGER_ITSELF), (THE_PHYSICS,)),
-    # Physics asks for a run that was there before its own.
+    # Physics asks, too, whether another run is active at its router.
     ("scenario",): Right((THE_PHYSICS, *AUDIENCE, EMERGENCY), (THE_PHYSICS,)),
     ("layout",): Right(AUDIENCE, (THE_PHYSICS,)),
     ("stop",): Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
@@ -153,11 +157,14 @@ RIGHTS = {kind: right for kinds, right in _RIGHTS.items() for kind in kinds}
 class _Passage(NamedTuple):
     """One kind of Zenoh message in one direction, as seen by the router."""
 
+    # "ingress" or "egress".
     flow: str
+    # Zenoh's word for the kind of message.
     message: str
 
 
-# Without it a publisher sends nothing.
+# What a session needs for each thing that it does on a key.
+# Without this one a publisher sends nothing.
 _LEARNS_SUBSCRIBERS = _Passage("egress", "declare_subscriber")
 _PUTS = (_Passage("ingress", "put"), _LEARNS_SUBSCRIBERS)
 _SUBSCRIBES = (_Passage("ingress", "declare_subscriber"), _Passage("egress", "put"))
@@ -175,9 +182,9 @@ _WATCHES = (
 
 
 def access_control(roles: Iterable[Role], keys: Keys) -> dict[str, Any]:
-    """Return Zenoh's `access_control` for the router of these roles.
+    """Return Zenoh's setting `access_control` for the router of these roles.
 
-    Rights go by certificate and session id.
+    A session has the rights of a role if its certificate and its session id are the role's.
     """
     rules = []
     subjects = []
@@ -221,6 +228,7 @@ def _allowed(role: Role, keys: Keys) -> dict[_Passage, list[str]]:
     allowed: dict[_Passage, list[str]] = defaultdict(list)
     for kind, party, passage in _needs(role.duty):
         if passage == _LEARNS_SUBSCRIBERS:
+            # A subscriber may subscribe to the keys of all agents at once.
             allowed[passage].append(keys.of(kind))
         else:
             allowed[passage] += _exprs(kind, party, role, keys)
@@ -244,6 +252,7 @@ def _ends(kind: str) -> tuple[tuple[_Passage, ...], tuple[_Passage, ...]]:
     if key.delivery == QUERY:
         return _ASKS, _ANSWERS
     if key.replies:
+        # It is published, and can be queried, too.
         return _PUTS + _ANSWERS, _SUBSCRIBES + _ASKS
     return _PUTS, _SUBSCRIBES
 
@@ -252,7 +261,7 @@ def _exprs(kind: str, party: Party, role: Role, keys: Keys) -> list[str]:
     """Return the keys of a kind on which a role has a right as a party."""
     if not party.own:
         return [keys.of(kind)]
-    # The logger's token may name the run in place of its session, so it may be any.
+    # The session in a token of the logger may be any: `orchard` puts the run's id in its place.
     names_a_session = role.duty == "host" or kind != "alive"
     if names_a_session:
         session = role.session

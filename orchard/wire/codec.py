@@ -23,7 +23,8 @@ from orchard.field.repeatable import sin_cos
 from orchard.wire import messages as wire
 from orchard.wire.messages import FARTHEST, MOST_BODIES, read
 
-RANGE = 4  # bytes of a float32
+RANGE = 4  # bytes of a range, a float32
+NUMBER = 8  # bytes of a number of a state, a float64
 
 
 def _pose(body: Observation | Hitch) -> wire.PoseMessage:
@@ -129,9 +130,10 @@ def observations_of(seen: wire.Seen) -> dict[str, Observation]:
 
     Raises ValueError if the arrays do not fit, or hold invalid numbers.
     """
-    if len(seen.states) != 8 * STATE * len(seen.names):
+    if len(seen.states) != NUMBER * STATE * len(seen.names):
         raise ValueError(f"the states do not fit {len(seen.names)} names")
     states = np.frombuffer(seen.states, "<f8").reshape(-1, STATE)
+    # NaN is not <= FARTHEST, so it is refused, too.
     if not (np.abs(states) <= FARTHEST).all():
         raise ValueError("states: not a number, or out of bounds")
     observations = Observations(
@@ -178,6 +180,7 @@ def _sweeps_of(names: Sequence[str], ranges: bytes) -> list[np.ndarray]:
         expected = f"{RANGE} for each of {beams} beams"
         raise ValueError(f"the ranges do not fit: {len(ranges)} bytes, not {expected}")
     measured = np.frombuffer(ranges, "<f4")
+    # A NaN makes the minimum NaN, which is not >= 0.
     if not measured.min(initial=0.0) >= 0.0:
         raise ValueError("ranges: not a number, or below 0")
     return [measured[part] for part in parts]
@@ -185,8 +188,9 @@ def _sweeps_of(names: Sequence[str], ranges: bytes) -> list[np.ndarray]:
 
 @lru_cache(maxsize=64)
 def _slices(names: tuple[str, ...]) -> list[slice]:
-    """Return where each body's ranges are among those of all bodies."""
+    """Return where each body's ranges are among those of all bodies, one after another."""
     ends = [*accumulate(map(_beams_of, names))]
+    # Each begins where the one before ends; the last end is no beginning.
     return [slice(begin, end) for begin, end in zip([0, *ends], ends, strict=False)]
 
 
@@ -310,7 +314,8 @@ def _fits(
     """Whether a picture has the bodies and rows of a layout. `seldom`: its arrays, by name."""
     bodies = len(layout.names)
     load_out = layout.scenario.load_out
-    # Others have one entry for each body.
+    # The entries that these two have; each other array has one for each body. Without a load-out
+    # there is one trailer, which does nothing.
     lengths = {"row_ends": layout.scenario.rows, "trailers": load_out.trailers.count or 1}
     for name, array in seldom.items():
         if len(array) != lengths.get(name, bodies):
@@ -336,6 +341,7 @@ def report_of(action: Action, mail: bytes, memory: bytes | None) -> wire.Report:
     """Return the message for an action.
 
     `mail`: the digest of the mail that the agent heard. `memory`: None if physics has it already.
+    The velocity counts `once`, because agents compute it from the pose of one tick.
     """
     return wire.Report(
         twist=action.twist,
@@ -366,6 +372,7 @@ def velocities_of(payload: bytes) -> tuple[wire.Velocities, dict[str, str]]:
     try:
         return read(payload, wire.Velocities), {}
     except ValueError:
+        # Some action is malformed. Read each by itself, so that the others count.
         parts = read(payload, wire.VelocityParts)
     faults: dict[str, str] = {}
     whole = wire.Velocities(parts.run, parts.tick, parts.owner, {})

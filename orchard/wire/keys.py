@@ -1,6 +1,7 @@
 """The table of keys: for each key its message, delivery and replies.
 
-`make docs` writes keyspace.md from it.
+A key is the name on which a message is published or a query is asked, such as
+orchard/picker_01/pose. `make docs` writes keyspace.md from the table.
 """
 
 import re
@@ -9,6 +10,7 @@ from typing import NamedTuple
 
 from orchard.wire import messages as wire
 
+# How messages are delivered, in the words of keyspace.md.
 # Reliable, in order; the sender waits for a slow subscriber.
 NEVER_LOST = "never lost"
 # A Zenoh get, answered by a queryable.
@@ -35,10 +37,11 @@ class Key(NamedTuple):
     """
 
     template: str
-    # The message that is published, or the query.
+    # The message that is published, or the payload of the query; None: there is no payload.
     message: type | None
+    # One of the five words above.
     delivery: str
-    # If the key can be queried.
+    # The replies to a query; empty: the key cannot be queried.
     replies: tuple[type, ...] = ()
 
 
@@ -116,7 +119,7 @@ class Keys:
     def of(self, what: str, name: str = "*", session: str = "*") -> str:
         """Return the key of a kind, `what` in TABLE.
 
-        Without a name or a session it is a key expression for all of them.
+        Without a name or a session it is a key expression with * for all of them.
 
         `name`: of a body, an agent or a process; for "physics" the id of the run.
         """

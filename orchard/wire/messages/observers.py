@@ -38,7 +38,7 @@ Reason = Literal[
 Counts = dict[Reason, Annotated[int, Meta(ge=0, lt=2**53)]]
 
 
-# Of bins.
+# A number of bins.
 Count = Annotated[int, Meta(ge=0, lt=2**31)]
 
 

@@ -1,4 +1,4 @@
-"""Payloads become messages."""
+"""Reads payloads as messages: physics, hosts, the logger and clients use it."""
 
 from typing import TypeVar
 
@@ -6,7 +6,8 @@ from orchard.contract.messages import MAX_PAYLOAD, unpack
 from orchard.wire.messages.observers import Bundle
 from orchard.wire.messages.run import Joined
 
-# bytes: the memories of 512 agents, or ten ticks of the largest orchard.
+# Bytes of a message that holds much: the largest memories of 512 agents (`Joined`), or ten ticks of
+# the largest orchard (`Bundle`).
 LARGEST_OF_MANY = 16 * MAX_PAYLOAD
 M = TypeVar("M")
 

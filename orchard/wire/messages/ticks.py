@@ -24,7 +24,7 @@ from orchard.wire.messages.values import (
     Unit,
 )
 
-# the longest descriptions of fields
+# The longest descriptions of fields.
 ALL_RANGES = (
     "m, little-endian float32: for each body as many as its laser has beams; +inf for a beam "
     "without a return"
@@ -42,6 +42,7 @@ class AskedOf(NamedTuple):
 
     to: Name
     sender: Name
+    # Its place among the requests of the sender in that tick, from 0.
     number: int
 
 

@@ -162,7 +162,7 @@ def keeps_what_was_not_asked(self: Drivers) -> None:
 
 
 def moves_the_deadline(self: barriers.LockstepBarrier, name: str) -> None:
-    self._back.discard(name)
+    self._taken.discard(name)
     _expect(self, name)
 
 

@@ -209,7 +209,7 @@ def test_a_rain_of_bad_messages_changes_no_bit(other, caplog):
     assert max(thrower.memory) - thrower.memory[len(thrower.memory) // 5] < MOST_MEMORY
     drivers = run.physics.run.drivers
     assert len(run.physics.run.refusal_totals.there) <= 1000
-    assert not drivers.unowned._puts
+    assert not drivers.unowned._sent
     assert len(drivers.recovery_log.memories) <= AGENTS
     assert not any(
         "Traceback" in record.getMessage() or record.exc_info or len(record.getMessage()) > 700

@@ -16,7 +16,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from datetime import date
 from typing import Annotated
 
@@ -24,14 +24,17 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from chaos.endurance import TICKS, endure
+from chaos.endurance import LOCAL_MODE, TICKS, endure
 from chaos.harvest import ROOT
 from chaos.mistakes import MISTAKEN
 from chaos.report import Results, as_tables, markdown
 from chaos.soak import soak
 
+# s of wall time. A soak of this length or more includes the endurance test, and writes TARGET.
 FULL_SECONDS = 600.0
 TARGET = ROOT / "chaos" / "results.md"
+# A guess for the progress bar, for both modes of the endurance test together.
+ENDURANCE_TICKS_PER_SECOND = 500
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 console = Console(highlight=False)
@@ -55,16 +58,25 @@ def chaos(
         return
     is_full = only is None and seconds >= FULL_SECONDS
     results = Results(seed, date.today().isoformat())
+    numbers: Iterable[int] = itertools.count()
+    if only is not None:
+        numbers = [only]
+    # The unit of the bar is a second.
+    length = seconds
+    if is_full:
+        length += TICKS / ENDURANCE_TICKS_PER_SECOND
     begun = time.monotonic()
-    with _progress(seconds + TICKS / 500 * is_full) as progress:
-        results.verdicts = soak(
-            seed, itertools.count() if only is None else [only], seconds, _shown(progress), _say
-        )
+    with _progress(length) as progress:
+        show = _shown(progress)
+
+        def show_endurance(tick: int, mode: str) -> None:
+            """Show how far the endurance test is."""
+            show(seconds + tick / ENDURANCE_TICKS_PER_SECOND, f"{mode}: tick {tick}")
+
+        results.verdicts = soak(seed, numbers, seconds, show, _say)
         results.seconds = time.monotonic() - begun
         if is_full:
-            results.endurance = endure(
-                lambda tick, mode: _shown(progress)(seconds + tick / 500, f"{mode}: tick {tick}")
-            )
+            results.endurance = endure(show_endurance)
     results.load = os.getloadavg()[0]
     if is_full:
         TARGET.write_text(markdown(results))
@@ -75,14 +87,23 @@ def chaos(
 @app.command()
 def endurance() -> None:
     """Check that memory and file handles stay constant over 100,000 ticks."""
+    # The unit of the bar is a tick: first those of lockstep, then those of local mode.
     with _progress(2 * TICKS) as progress:
-        found = endure(
-            lambda tick, mode: _shown(progress)(tick + TICKS * (mode == "local mode"), mode)
-        )
+        show = _shown(progress)
+
+        def show_tick(tick: int, mode: str) -> None:
+            """Show how far the test is."""
+            done = tick
+            if mode == LOCAL_MODE:
+                done += TICKS
+            show(done, mode)
+
+        found = endure(show_tick)
     _finish(Results(endurance=found))
 
 
 def _progress(total: float) -> Progress:
+    """Return a bar of some length."""
     progress = Progress(
         BarColumn(30),
         TimeElapsedColumn(),
@@ -95,12 +116,16 @@ def _progress(total: float) -> Progress:
 
 
 def _shown(progress: Progress) -> Callable[[float, str], None]:
-    return lambda done, description: progress.update(
-        progress.task_ids[0], completed=done, description=description
-    )
+    """Return a function that shows how much is done, and of what."""
+
+    def show(done: float, description: str) -> None:
+        progress.update(progress.task_ids[0], completed=done, description=description)
+
+    return show
 
 
 def _say(line: str) -> None:
+    """Print a line above the bar."""
     console.print(line, markup=False, soft_wrap=True)
 
 
@@ -111,11 +136,20 @@ def _finish(results: Results) -> None:
     raise typer.Exit(0 if results.is_good else 1)
 
 
+def _exit_of_signal(number: int, frame: object) -> None:
+    """Raise SystemExit, so that each `with` statement ends its processes.
+
+    The code is that with which a shell reports a process that died of this signal.
+    """
+    sys.exit(128 + number)
+
+
+def _is_unexpected(record: logging.LogRecord) -> bool:
+    """Whether a line of the log is not about the agent whose mistakes are wanted."""
+    return not record.getMessage().startswith(f"{MISTAKEN} ")
+
+
 if __name__ == "__main__":
-    signal.signal(
-        signal.SIGTERM, lambda number, frame: sys.exit(128 + number)
-    )  # an exception, so that each `with` ends its processes
-    logging.getLogger("orchard").addFilter(
-        lambda record: not record.getMessage().startswith(f"{MISTAKEN} ")
-    )  # its mistakes are wanted
+    signal.signal(signal.SIGTERM, _exit_of_signal)
+    logging.getLogger("orchard").addFilter(_is_unexpected)
     app()

@@ -4,15 +4,14 @@ import subprocess
 from contextlib import suppress
 from pathlib import Path
 
-SIZE = "256m"  # more than a whole harvest writes; it is in memory
+# The size of the disk, which is in memory: more than a whole harvest writes.
+SIZE = "256m"
+# What is written again and again until the disk is full.
 CHUNK = bytes(1 << 20)
 
 
 class Disk:
-    """A disk in memory, mounted on a folder.
-
-    Without the right to mount, as for most users, there is none.
-    """
+    """A disk in memory, mounted on a folder. Most users may not mount one: then there is none."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -20,9 +19,11 @@ class Disk:
 
     @property
     def is_there(self) -> bool:
+        """Whether the disk is mounted."""
         return self._folder.is_mount()
 
     def mount(self) -> None:
+        """Mount the disk, if that is allowed."""
         command = ["mount", "-t", "tmpfs", "-o", f"size={SIZE}", "none", str(self._folder)]
         with suppress(FileNotFoundError):
             subprocess.run(command, capture_output=True, check=False)

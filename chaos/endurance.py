@@ -1,5 +1,6 @@
-"""Measures whether memory and file handles stay constant over 100,000 ticks: of physics and two
-hosts in lockstep, and of local mode.
+"""Measures whether memory and file handles stay constant over 100,000 ticks.
+
+It does so for physics and two hosts in lockstep, and for local mode.
 """
 
 import time
@@ -11,7 +12,7 @@ from typing import NamedTuple
 import psutil
 
 from chaos.harvest import Harvest
-from orchard.field.scenario import Scenario
+from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.launch.supervisor import free_port
 from orchard.local import Local
 from orchard.net.bus import Alive, Sample
@@ -25,11 +26,13 @@ EVERY = 5_000  # ticks between two samples
 # The relative growth of the memory, from the end of the warm-up to the end of the run.
 MOST_GROWTH = 0.05
 SILENCE_SECONDS = 120.0  # without figures; after that the run counts as hung
-MEGABYTE = 1e6
-# Three rows for each picker, an hour a row: more than 100,000 ticks.
+MEGABYTE = 1e6  # bytes
+# Three rows for each picker, an hour a row, at 0.02 m/s: more than 100,000 ticks of 0.1 s.
 LONG = Scenario(rows=6, pickers=2, carriers=2, picking_speed=0.02)
+LOCAL_MODE = "local mode"
 
-Say = Callable[[int, str], None]  # (tick, mode)
+# Shows how far the test is: (tick, mode).
+Say = Callable[[int, str], None]
 
 
 class MemorySample(NamedTuple):
@@ -81,6 +84,7 @@ class Endurance(NamedTuple):
 
     @property
     def is_good(self) -> bool:
+        """Whether all processes stayed flat."""
         return all(series.is_flat for series in self.series)
 
 
@@ -96,9 +100,9 @@ def endure(say: Say, ticks: int = TICKS) -> Endurance:
 
 
 def series_of(moments: Iterator[tuple[int, Mapping[str, psutil.Process]]]) -> list[MemorySeries]:
-    """Sample the named processes at each moment (tick, processes).
+    """Sample processes at each moment. Return a series for each of their names.
 
-    Return a series for each name.
+    `moments`: yields a tick, and name -> process, when the run has come to that tick.
     """
     by_name: dict[str, list[MemorySample]] = defaultdict(list)
     for tick, processes in moments:
@@ -109,17 +113,10 @@ def series_of(moments: Iterator[tuple[int, Mapping[str, psutil.Process]]]) -> li
 
 
 def _lockstep(say: Say, ticks: int) -> Iterator[tuple[int, Mapping[str, psutil.Process]]]:
+    """Do a run in lockstep. Yield its moments after the warm-up, as `series_of` takes them."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    arguments = [
-        "--hosts",
-        "2",
-        "--duration",
-        str(ticks / 10),
-        "--record",
-        "none",
-        "--listen",
-        endpoint,
-    ]
+    arguments = ["--hosts", "2", "--duration", str(ticks * TIME_STEP)]
+    arguments += ["--record", "none", "--listen", endpoint]
     with Harvest(LONG, arguments, "endurance") as harvest:
         for tick in _ticks_at(endpoint, ticks):
             say(tick, "lockstep, 2 hosts")
@@ -144,17 +141,22 @@ def _ticks_at(endpoint: str, ticks: int) -> Iterator[int]:
                 raise RuntimeError(
                     f"the endurance run stopped making progress after tick {due - EVERY}"
                 )
-            if isinstance(item, Sample) and (tick := read(item.payload, Figures).tick) >= due:
+            if not isinstance(item, Sample):
+                continue
+            tick = read(item.payload, Figures).tick
+            if tick >= due:
+                # The next multiple of EVERY.
                 due = tick - tick % EVERY + EVERY
                 yield tick
 
 
 def _local(say: Say, ticks: int) -> Iterator[tuple[int, Mapping[str, psutil.Process]]]:
+    """Do a run in local mode. Yield its moments after the warm-up, as `series_of` takes them."""
     local = Local(LONG)
     here = psutil.Process()
     for tick in range(1, ticks + 1):
         local.tick()
         if tick % EVERY == 0:
-            say(tick, "local mode")
+            say(tick, LOCAL_MODE)
             if tick >= WARM_UP:
-                yield tick, {"local mode": here}
+                yield tick, {LOCAL_MODE: here}

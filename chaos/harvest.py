@@ -1,5 +1,6 @@
-"""A run.py process that the soak starts, kills and ends: its processes by role, its log and its
-summary.
+"""A run.py process that the soak starts, kills and ends.
+
+It finds the processes of the run by their role, and has its log and its summary.
 """
 
 import json
@@ -29,8 +30,8 @@ class Harvest:
     Use it with `with`, which leaves no process behind. Its output goes to `log`, which stays until
     `tidy`.
 
-    It has a folder of its own, in which it keeps notes, snapshots, recordings and compiled kernels:
-    it disturbs no other run.
+    It has a folder of its own, with a link to run.py: there it keeps notes, snapshots, recordings
+    and compiled kernels. So it disturbs no other run.
     """
 
     def __init__(
@@ -55,14 +56,17 @@ class Harvest:
         if self._has_disk:
             self.disk.mount()
         (self._folder / "run.py").symlink_to(ROOT / "run.py")
-        if (kept := kernels_folder()) and kept.is_dir():
-            shutil.copytree(kept, self._kernels / kept.name)
-        (file := self._folder / "scenario.yaml").write_text(to_yaml(self._scenario))
+        compiled = kernels_folder()
+        if compiled is not None and compiled.is_dir():
+            # To compile them takes longer than most runs.
+            shutil.copytree(compiled, self._kernels / compiled.name)
+        file = self._folder / "scenario.yaml"
+        file.write_text(to_yaml(self._scenario))
         self._start(str(file))
         return self
 
     def _start(self, *begin: str) -> None:
-        """Start run.py. The log continues."""
+        """Start run.py. The log continues. `begin`: its first arguments."""
         command = [
             sys.executable,
             "-u",
@@ -87,9 +91,8 @@ class Harvest:
 
         Return whether that was possible: it must run, and have a snapshot.
         """
-        if self._popen.poll() is not None or not any(
-            self._folder.glob("runs/*.snapshots/*.snapshot")
-        ):
+        has_snapshot = any(self._folder.glob("runs/*.snapshots/*.snapshot"))
+        if self._popen.poll() is not None or not has_snapshot:
             return False
         self._popen.kill()
         self._popen.wait()
@@ -101,11 +104,14 @@ class Harvest:
 
         `chance`: selects the kernel and the bit. Return whether there is one.
         """
-        if files := sorted(self._kernels.rglob("*.nbc")):
+        # numba stores machine code in files .nbc.
+        files = sorted(self._kernels.rglob("*.nbc"))
+        if files:
             flip_bit(files[chance % len(files)], chance)
         return bool(files)
 
     def __exit__(self, *_: object) -> None:
+        # Those that a dead run.py leaves are nobody's children, so they are looked up first.
         children = self._children()
         if self._popen.poll() is None:
             self._popen.terminate()
@@ -131,14 +137,14 @@ class Harvest:
         """
         found = []
         for process in self._children():
+            # psutil.Error: it has ended meanwhile.
             with suppress(psutil.Error):
                 command = process.cmdline()
-                if (
-                    f"orchard.processes.{role}" in command
-                    and process.status() != psutil.STATUS_ZOMBIE
-                ):
+                is_alive = process.status() != psutil.STATUS_ZOMBIE
+                if f"orchard.processes.{role}" in command and is_alive:
                     found.append((command, process))
-        return [process for _, process in sorted(found, key=lambda pair: pair[0])]
+        found.sort(key=_command_of)
+        return [process for _, process in found]
 
     def summary(self) -> dict[str, Any] | None:
         """Return the summary of the run; None if it wrote none."""
@@ -151,20 +157,28 @@ class Harvest:
         """Remove all files of the run."""
         for path in (self.log, self._summary):
             path.unlink(missing_ok=True)
-        self.disk.unmount()  # of a soak that was killed
+        # A soak that was killed has left its disk mounted.
+        self.disk.unmount()
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def _children(self) -> list[psutil.Process]:
+        """Return all processes that run.py has started, and those that these have started."""
         with suppress(psutil.NoSuchProcess):
             return list(psutil.Process(self._popen.pid).children(recursive=True))
         return []
 
 
+def _command_of(found: tuple[list[str], psutil.Process]) -> list[str]:
+    """Return the command line of a process, by which processes are sorted."""
+    return found[0]
+
+
 def flip_bit(path: Path, chance: int) -> None:
-    """Change one bit of a file, in its place."""
+    """Change one bit of a file, in its place. `chance`: any number, which selects the bit."""
     with path.open("r+b") as file:
         at = chance % path.stat().st_size
+        bit = 1 << (chance % 8)
         file.seek(at)
         (byte,) = file.read(1)
         file.seek(at)
-        file.write(bytes([byte ^ 1 << chance % 8]))
+        file.write(bytes([byte ^ bit]))

@@ -1,6 +1,6 @@
-"""An own agent that makes mistakes.
+"""An agent of the user's that makes mistakes, for the soak test.
 
-They must stay its own: the hash is that of local mode with the same agent.
+They must harm no other agent: the hash is that of local mode with the same agent.
 """
 
 import math
@@ -16,6 +16,7 @@ from orchard.field.geometry import Twist
 
 MISTAKEN = "cat_01"
 EVERY = 7  # ticks between two mistakes
+# What the agent does in turn: it raises an error, or it puts such values into its action.
 MISTAKES: tuple[type[BaseException] | dict[str, Any], ...] = (
     KeyboardInterrupt,
     CancelledError,
@@ -29,12 +30,14 @@ MISTAKES: tuple[type[BaseException] | dict[str, Any], ...] = (
 
 
 class Mistaken(Animal):
-    """Wanders as other animals do, and makes a mistake now and then, each time another one."""
+    """Wanders as other animals do, and makes a mistake every EVERY ticks, each time another one."""
 
     def tick(self, seen: Observation, mail: Mail, memory: AnimalMemory | None) -> Action:
         action = super().tick(seen, mail, memory)
         number, rest = divmod(seen.tick, EVERY)
-        mistake = {} if rest else MISTAKES[number % len(MISTAKES)]
+        if rest > 0:
+            return action
+        mistake = MISTAKES[number % len(MISTAKES)]
         if isinstance(mistake, type):
             raise mistake
         return replace(action, **mistake)

@@ -1,5 +1,6 @@
-"""The network of one run: physics is the router, or a router process of its own stands behind a
-relay through which every link goes.
+"""The network of one run: physics is the router, or a process of its own is.
+
+The latter stands behind a relay, through which every link goes, so that links can be damaged.
 """
 
 import socket
@@ -10,8 +11,8 @@ from chaos.relay import Relay
 from orchard.launch.supervisor import ProcessSpec, Supervisor, free_port
 
 ROUTER = "router"
-START_SECONDS = 30.0  # within which the router must listen
-DELAY_SECONDS = 0.03  # by which a slow link delays each chunk
+START_SECONDS = 30.0  # s within which the router must listen
+DELAY_SECONDS = 0.03  # s by which a slow link delays each chunk
 
 
 class Network:
@@ -25,12 +26,11 @@ class Network:
         """`is_routed`: whether there is a router process of its own, behind a relay."""
         self._port = free_port()
         self.endpoint = f"tcp/127.0.0.1:{self._port}"
-        self.relay = Relay(self._port) if is_routed else None
-        self.arguments = (
-            ["--listen", self.endpoint]
-            if self.relay is None
-            else ["--connect", self.relay.endpoint]
-        )
+        self.relay: Relay | None = None
+        self.arguments = ["--listen", self.endpoint]
+        if is_routed:
+            self.relay = Relay(self._port)
+            self.arguments = ["--connect", self.relay.endpoint]
         self._stack = ExitStack()
 
     def __enter__(self) -> "Network":
@@ -45,6 +45,7 @@ class Network:
         self._stack.close()
 
     def start_router(self) -> None:
+        """Start the router process."""
         self._supervisor.start(
             ProcessSpec(ROUTER, "orchard.processes.router", ["--listen", self.endpoint])
         )
@@ -65,6 +66,7 @@ class Network:
         return None
 
     def _wait_for_router(self) -> None:
+        """Return when the router listens. Raises RuntimeError if it does not in time."""
         deadline = time.monotonic() + START_SECONDS
         while time.monotonic() < deadline:
             with suppress(OSError), socket.create_connection(("127.0.0.1", self._port), 1.0):

@@ -18,12 +18,15 @@ class Verdict:
     """
 
     trial: Trial
+    # Names of the faults that were injected.
     injected: list[str]
     recoveries: list[Recovery]
-    refused: int = 0  # messages
+    # Messages that were refused.
+    refused: int = 0
     bins_lost: int = 0
     invariants_broken: int = 0
     is_hash_changed: bool = False
+    # Whether it has not come to its end, or not to the one that it should have.
     is_unfinished: bool = False
     complaints: list[str] = field(default_factory=list)
 
@@ -54,17 +57,23 @@ def judge(
         _check_realtime(verdict, summary)
     else:
         _check_lockstep(verdict, summary, baseline)
+    # An agent that makes mistakes is broken, and then run.py ends with code 1.
+    expected_broken = set()
+    expected_code = 0
+    if trial.is_mistaken:
+        expected_broken = {MISTAKEN}
+        expected_code = 1
+    # "cat_01, it raised ...".
     broken = {agent.partition(",")[0] for agent in summary["broken_agents"]}
-    if broken != ({MISTAKEN} if trial.is_mistaken else set()):
+    if broken != expected_broken:
         return _unfinished(verdict, f"broken agents: {', '.join(sorted(broken)) or 'none'}")
-    if (
-        execution.exit_code != trial.is_mistaken and not verdict.complaints
-    ):  # run.py tells of broken agents with code 1
+    if execution.exit_code != expected_code and not verdict.complaints:
         return _unfinished(verdict, f"exit code {execution.exit_code}")
     return verdict
 
 
 def _check_lockstep(verdict: Verdict, summary: dict[str, Any], baseline: Result) -> None:
+    """Complain about another end, hash or progress than that of local mode without faults."""
     if summary["ticks"] != baseline.ticks:
         _unfinished(verdict, f"ended at tick {summary['ticks']}, not {baseline.ticks}")
         return
@@ -81,12 +90,13 @@ def _check_lockstep(verdict: Verdict, summary: dict[str, Any], baseline: Result)
 
 
 def _check_realtime(verdict: Verdict, summary: dict[str, Any]) -> None:
-    """A whole harvest must deliver every bin.
+    """Complain about a whole harvest that has not delivered every bin.
 
     A run of limited time must only reach its last tick: its progress is not promised.
     """
     seconds = verdict.trial.seconds
     if seconds is None:
+        # A row fills one bin.
         verdict.bins_lost = scenario(verdict.trial.orchard).rows - summary["bins_delivered"]
         if not summary["finished"] or verdict.bins_lost:
             _unfinished(verdict, f"ended with {summary['bins_delivered']} bins delivered")
@@ -95,6 +105,7 @@ def _check_realtime(verdict: Verdict, summary: dict[str, Any]) -> None:
 
 
 def _unfinished(verdict: Verdict, why: str) -> Verdict:
+    """Note in a verdict that the run has not ended as it should, and return it."""
     verdict.is_unfinished = True
     verdict.complaints.append(why)
     return verdict

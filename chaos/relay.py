@@ -1,5 +1,4 @@
-"""A TCP relay that simulates a bad network: it cuts, stalls and delays the connections that pass
-through it.
+"""A TCP relay that simulates a bad network: it cuts, stalls and delays connections through it.
 
 TCP hides the loss of single packets. What remains visible of a bad network is delay, silence, and
 connections that break, also in the middle of a message.
@@ -14,6 +13,7 @@ from typing import Any, Protocol
 from orchard.launch.supervisor import free_port
 
 CHUNK = 1 << 16  # bytes that are passed on at a time, at most
+WORK_SECONDS = 10.0  # s that a change may take in the relay's thread
 
 
 class Damage(Protocol):
@@ -55,8 +55,8 @@ class Break:
 
     def carry(self, chunk: bytes) -> tuple[bytes, bool]:
         """Return what stands before these bytes, and that the link breaks; else the chunk."""
-        at = -1 if self._is_done else chunk.find(self._where)
-        if at < 0:
+        at = chunk.find(self._where)
+        if self._is_done or at < 0:
             return chunk, False
         self._is_done = True
         return chunk[:at], True
@@ -66,16 +66,18 @@ class _Link:
     """One connection through the relay, both directions."""
 
     def __init__(self, *writers: asyncio.StreamWriter) -> None:
+        """`writers`: to both ends."""
         self.writers = writers
-        self.open = (
-            asyncio.Event()
-        )  # while it is not set, nothing passes and neither end is notified
+        # While it is not set nothing passes, and neither end learns of it.
+        self.open = asyncio.Event()
         self.open.set()
         self.delay = 0.0  # s, for each chunk
 
     def cut(self) -> None:
+        """Break the connections to both ends."""
         for writer in self.writers:
             writer.transport.abort()
+        # What waits for it goes on, and finds the connections broken.
         self.open.set()
 
 
@@ -120,14 +122,22 @@ class Relay:
 
     def stall(self, which: int | None) -> None:
         """Let nothing pass through one link or all links until `heal`; nothing is lost."""
-        self._change(which, lambda link: link.open.clear())
+
+        def stall(link: _Link) -> None:
+            link.open.clear()
+
+        self._change(which, stall)
 
     def delay(self, which: int | None, seconds: float) -> None:
         """Delay each chunk of one link or of all links by so many seconds until `heal`."""
-        self._change(which, lambda link: setattr(link, "delay", seconds))
+
+        def slow_down(link: _Link) -> None:
+            link.delay = seconds
+
+        self._change(which, slow_down)
 
     def damage(self, damage: Damage) -> None:
-        """Let it happen to all that passes from now on, on each link, until `heal`."""
+        """Let a damage happen to all that passes on each link from now on, until `heal`."""
         self._damage = damage
 
     def heal(self) -> None:
@@ -141,20 +151,20 @@ class Relay:
         self._change(None, change)
 
     def _change(self, which: int | None, change: Callable[[_Link], None]) -> None:
-        """Return when the change is made."""
+        """Change one link or all links. Return when that is done."""
 
-        async def do() -> None:
-            for link in (
-                list(self._links)
-                if which is None
-                else self._links[which % max(1, len(self._links)) :][:1]
-            ):
+        async def change_links() -> None:
+            links = list(self._links)
+            if which is not None and links:
+                links = [links[which % len(links)]]
+            for link in links:
                 change(link)
 
-        self._do(do())
+        self._do(change_links())
 
     def _do(self, work: Any) -> None:
-        asyncio.run_coroutine_threadsafe(work, self._loop).result(10.0)
+        """Do some work in the relay's thread. Return when it is done."""
+        asyncio.run_coroutine_threadsafe(work, self._loop).result(WORK_SECONDS)
 
     # -- in the relay's thread
 
@@ -162,9 +172,11 @@ class Relay:
         self._server = await asyncio.start_server(self._accept, "127.0.0.1", self.port)
 
     async def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Pass on a new connection until it ends. `reader`, `writer`: from and to the client."""
         try:
             target_reader, target_writer = await asyncio.open_connection("127.0.0.1", self._target)
-        except OSError:  # the router is down
+        except OSError:
+            # The router is down.
             writer.transport.abort()
             return
         link = _Link(writer, target_writer)
@@ -179,7 +191,9 @@ class Relay:
     ) -> None:
         """Pass on one direction of a link until an end closes it or it is cut."""
         with suppress(OSError):
-            while chunk := await reader.read(CHUNK):
+            chunk = await reader.read(CHUNK)
+            # An end that is closed gives an empty chunk.
+            while chunk:
                 await link.open.wait()
                 await asyncio.sleep(link.delay)
                 passed, is_end = self._damage.carry(chunk)
@@ -187,6 +201,7 @@ class Relay:
                 await writer.drain()
                 if is_end:
                     break
+                chunk = await reader.read(CHUNK)
         link.cut()
 
     async def _close(self) -> None:

@@ -34,9 +34,10 @@ class Results:
 
     @property
     def is_good(self) -> bool:
-        return not any(v.complaints for v in self.verdicts) and (
-            self.endurance is None or self.endurance.is_good
-        )
+        """Whether no run has a complaint, and the endurance test, if it ran, was passed."""
+        if any(verdict.complaints for verdict in self.verdicts):
+            return False
+        return self.endurance is None or self.endurance.is_good
 
     def promises(self) -> list[tuple[str, int]]:
         """Return (description, count) of all that must be 0."""
@@ -55,38 +56,39 @@ class Results:
             times[v.trial.mode].update(v.injected)
             for recovery in v.recoveries:
                 seconds[v.trial.mode, recovery.fault].append(recovery.seconds)
-        lines = [
-            (fault, mode, n, seconds[mode, fault])
-            for mode, counter in times.items()
-            for fault, n in sorted(counter.items())
-        ]
-        return [
-            (f"{fault}, {mode}", str(n), str(len(took)), *_median_and_worst(took))
-            for fault, mode, n, took in lines
-        ]
+        rows: list[tuple[str, ...]] = []
+        for mode, counter in times.items():
+            for fault, count in sorted(counter.items()):
+                took = seconds[mode, fault]
+                row = (f"{fault}, {mode}", str(count), str(len(took)), *_median_and_worst(took))
+                rows.append(row)
+        return rows
 
     def figures(self) -> list[tuple[str, ...]]:
         """Return (description, figure) of the whole soak."""
         runs = Counter(v.trial.mode for v in self.verdicts)
         whole = sum(v.trial.seconds is None for v in self.verdicts)
         injected = sum(len(v.injected) for v in self.verdicts)
-        return [
-            (
-                "runs",
-                (
-                    f"{len(self.verdicts)} ({runs['lockstep']} in lockstep, {runs['realtime']} in"
-                    f" realtime; {whole} whole harvests)"
-                ),
-            ),
+        kinds_of_runs = (
+            f"{len(self.verdicts)} ({runs['lockstep']} in lockstep, {runs['realtime']} in"
+            f" realtime; {whole} whole harvests)"
+        )
+        figures: list[tuple[str, ...]] = [
+            ("runs", kinds_of_runs),
             ("minutes", f"{self.seconds / 60:.1f}"),
             ("faults injected", str(injected)),
             ("messages refused", f"{sum(v.refused for v in self.verdicts):,}"),
-            *((what, str(n)) for what, n in self.promises()),
         ]
+        for what, count in self.promises():
+            figures.append((what, str(count)))
+        return figures
 
 
 def _median_and_worst(seconds: list[float]) -> tuple[str, str]:
-    return (f"{median(seconds):.2f}", f"{max(seconds):.2f}") if seconds else ("-", "-")
+    """Return the median and the largest of some times, s, as text; "-" without any."""
+    if not seconds:
+        return "-", "-"
+    return f"{median(seconds):.2f}", f"{max(seconds):.2f}"
 
 
 def as_tables(results: Results) -> list[Table]:
@@ -103,6 +105,7 @@ def as_tables(results: Results) -> list[Table]:
 
 
 def _table(title: str, head: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
+    """Return a table for the terminal. Its head is shown if one of its words is not empty."""
     table = Table(*head, title=title, title_justify="left", show_header=any(head))
     for row in rows:
         table.add_row(*row)
@@ -120,17 +123,24 @@ ENDURANCE_HEAD = (
 
 
 def _endurance(endurance: Endurance) -> list[tuple[str, ...]]:
-    return [
-        (
+    """Return the rows below ENDURANCE_HEAD, one for each process."""
+    rows: list[tuple[str, ...]] = []
+    for series in endurance.series:
+        first = series.samples[0]
+        last = series.samples[-1]
+        flat = "no"
+        if series.is_flat:
+            flat = "yes"
+        row = (
             series.name,
-            f"{series.samples[0].megabytes:.1f}",
-            f"{series.samples[-1].megabytes:.1f}",
+            f"{first.megabytes:.1f}",
+            f"{last.megabytes:.1f}",
             f"{series.growth:+.1%}",
-            f"{series.samples[0].handles} to {series.samples[-1].handles}",
-            "yes" if series.is_flat else "no",
+            f"{first.handles} to {last.handles}",
+            flat,
         )
-        for series in endurance.series
-    ]
+        rows.append(row)
+    return rows
 
 
 # -- chaos/results.md
@@ -162,6 +172,7 @@ fault held up no process. A fault does not count as recovered if its run ended e
 
 
 def _machine(results: Results) -> str:
+    """Return the sentence on what was measured, when, and on which machine."""
     versions = ", ".join(f"{name} {version(name)}" for name in ("eclipse-zenoh", "numpy", "numba"))
     return (
         f"Written by `make chaos` on {results.day}: seed {results.seed}, Python"
@@ -171,14 +182,17 @@ def _machine(results: Results) -> str:
 
 
 def _processor() -> str:
-    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
-    return next(
-        (line.partition(":")[2].strip() for line in lines if line.startswith("model name")),
-        platform.processor() or "unknown",
-    )
+    """Return the name of the processor. Linux has it in a file."""
+    file = Path("/proc/cpuinfo")
+    if file.exists():
+        for line in file.read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or "unknown"
 
 
 def _endurance_text(endurance: Endurance) -> str:
+    """Return the paragraph on the endurance test."""
     rates = " and ".join(
         f"{rate:,.0f} ticks/s in {mode}" for mode, rate in endurance.ticks_per_second.items()
     )
@@ -191,5 +205,6 @@ def _endurance_text(endurance: Endurance) -> str:
 
 
 def _lines(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    """Return a table in Markdown."""
     top, *body = (f"| {' | '.join(line)} |" for line in (head, *rows))
     return "\n".join([top, f"|{'---|' * len(head)}", *body])

@@ -1,6 +1,7 @@
 """The schedule of the soak: trials and their faults, derived from a seed and a number.
 
-Times are ticks, as received on the key `clock`.
+A trial is one run. A fault has a kind, such as a kill, and a target, such as physics. It begins at
+a tick, as received on the key `clock`.
 """
 
 from collections import Counter
@@ -10,6 +11,7 @@ from typing import NamedTuple
 
 from orchard.field.scenario import TIME_STEP
 
+# Targets: modules of processes/, and others.
 PHYSICS = "physics"
 HOST = "agents"
 LOGGER = "logger"
@@ -19,6 +21,7 @@ RUN_PY = "run.py"
 NOTHING = ""
 LINK = "a link"
 LINKS = "all links"
+# Kinds. Three of them are signals: SIGKILL, SIGTERM, SIGINT.
 KILL = "kill"
 TERMINATE = "terminate"
 INTERRUPT = "interrupt"
@@ -42,21 +45,28 @@ LASTS = {
     FULL: (1.0, 8.0),
     PORT: (0.5, 3.0),
 }
-ROUTER_AWAY = (0.2, 3.0)  # s, from the death of the router until it is started again
-# Of one process in a run; run.py gives up after five deaths in a row, and it may also kill a frozen
-# process.
+# Least and most s, from the death of the router until it is started again.
+ROUTER_AWAY = (0.2, 3.0)
+# Deaths of one process in a run: run.py gives up after five in a row. A frozen process counts too,
+# because run.py may kill it.
 MOST_DEATHS = 4
-# Shares of a run. No fault lies before the first or after the last, so that each recovery is seen.
+# Shares of a run: no fault begins before the first or after the last, so that each recovery is
+# seen.
 FIRST = 0.05
 LAST = 0.85
-WHOLE_HARVEST = 5000  # ticks; a harvest of 3 rows takes at least 5,500
-SECONDS = (60, 120, 180, 300)  # simulated s, of a run that is not a whole harvest
-SEEDS = 4  # scenario seeds; few, so that few local runs give all the hashes
+# Ticks in which faults of a whole harvest begin: a harvest of 3 rows takes at least 5,500.
+WHOLE_HARVEST = 5000
+# Simulated s, of a run that is not a whole harvest.
+SECONDS = (60, 120, 180, 300)
+# How many seeds scenarios have: few, so that few local runs give all the hashes.
+SEEDS = 4
 
+# (kind, target) of faults. One that stands here twice is twice as frequent.
 KILLS = ((KILL, PHYSICS), (KILL, HOST), (KILL, HOST), (KILL, LOGGER), (KILL, ALL), (KILL, RUN_PY))
 SIGNALS = tuple(
     (kind, target) for kind in (TERMINATE, INTERRUPT) for target in (PHYSICS, HOST, LOGGER)
 )
+# Faults of each run.
 ANYWHERE = (
     *KILLS,
     *SIGNALS,
@@ -68,6 +78,7 @@ ANYWHERE = (
     (TORN, NOTHING),
     (MISTAKES, NOTHING),
 )
+# Further faults of a run with a router process of its own.
 AT_A_ROUTER = (
     (KILL, ROUTER),
     (CUT, LINK),
@@ -76,8 +87,9 @@ AT_A_ROUTER = (
     (STALL, LINKS),
     (DELAY, LINK),
 )
+# Further faults of a run in which physics is the router.
 AT_PHYSICS = ((PORT, NOTHING),)
-# One of them for each run, so that a soak of ten minutes has them all.
+# Each run has one of these in turn, so that a soak of ten minutes has them all.
 IN_TURN = tuple(dict.fromkeys(AT_PHYSICS + ANYWHERE + AT_A_ROUTER))
 
 
@@ -92,6 +104,7 @@ class Fault(NamedTuple):
 
     @property
     def name(self) -> str:
+        """Its kind and target, for people: "kill physics"."""
         return f"{self.kind} {self.target}".strip()
 
 
@@ -101,8 +114,8 @@ class Trial(NamedTuple):
     seed: int  # of the soak
     number: int
     orchard: int  # the scenario's seed
-    mode: str
-    speed: str
+    mode: str  # "lockstep" or "realtime"
+    speed: str  # as in run.py --speed
     seconds: int | None  # simulated s; None: until the harvest is finished
     hosts: str  # as in run.py --hosts: a number, or "each" for a host for each agent
     is_recorded: bool
@@ -115,8 +128,12 @@ class Trial(NamedTuple):
         return any(fault.kind == MISTAKES for fault in self.faults)
 
     def __str__(self) -> str:
-        length = "whole harvest" if self.seconds is None else f"{self.seconds} s"
-        network = "router" if self.is_routed else "no router"
+        length = "whole harvest"
+        if self.seconds is not None:
+            length = f"{self.seconds} s"
+        network = "no router"
+        if self.is_routed:
+            network = "router"
         return (
             f"run {self.number}: {self.mode}, {length} at {self.speed}, hosts {self.hosts},"
             f" {network}, {len(self.faults)} faults"
@@ -128,32 +145,50 @@ def trial(seed: int, number: int) -> Trial:
 
     Every sixth is a whole harvest, every fourth is in realtime.
     """
+    # The order of the draws is part of the schedule: another order gives other trials.
     random = Random(f"{seed}/{number}")
-    mode = "realtime" if number % 4 == 3 else "lockstep"
-    seconds = None if number % 6 == 5 else random.choice(SECONDS)
+    mode = "lockstep"
+    if number % 4 == 3:
+        mode = "realtime"
+    seconds = None
+    ticks = WHOLE_HARVEST
+    if number % 6 != 5:
+        seconds = random.choice(SECONDS)
+        ticks = round(seconds / TIME_STEP)
     speed = _speed(random, mode, seconds)
-    is_short = seconds in SECONDS[:2]
-    hosts = random.choice(("1", "2", "2", "3", "4", "each" if is_short else "2"))
+    # A host for each agent is slow, so only a run of at most two minutes has them.
+    most_hosts = "2"
+    if seconds is not None and seconds <= 120:
+        most_hosts = "each"
+    hosts = random.choice(("1", "2", "2", "3", "4", most_hosts))
     # Each round begins one fault later, so that a fault is not always in the same mode.
     rounds = number // len(IN_TURN)
     due = IN_TURN[(number + rounds) % len(IN_TURN)]
-    is_recorded = due[1] == LOGGER or random.random() < 0.5
+    _, target = due
+    is_recorded = target == LOGGER or random.random() < 0.5
     is_routed = due in AT_A_ROUTER or (due not in AT_PHYSICS and random.random() < 0.6)
-    ticks = WHOLE_HARVEST if seconds is None else round(seconds / TIME_STEP)
     orchard = random.randint(1, SEEDS)
-    here = ANYWHERE + (AT_A_ROUTER if is_routed else AT_PHYSICS)
-    possible = [fault for fault in here if fault[1] != LOGGER or is_recorded]
+    here = ANYWHERE + AT_PHYSICS
+    if is_routed:
+        here = ANYWHERE + AT_A_ROUTER
+    possible = [(kind, target) for kind, target in here if target != LOGGER or is_recorded]
     faults = _faults(random, ticks, due, possible)
     return Trial(seed, number, orchard, mode, speed, seconds, hosts, is_recorded, is_routed, faults)
 
 
 def _speed(random: Random, mode: str, seconds: int | None) -> str:
-    """Simulated seconds in a second of wall time: fast enough for a short run, slow enough for
-    faults to begin at their ticks.
+    """Return the simulated seconds in a second of wall time.
+
+    It is fast enough for a short run, and slow enough for faults to begin at their ticks.
     """
+    is_long = seconds is None or seconds > 120
+    if mode == "realtime" and is_long:
+        return "20"
     if mode == "realtime":
-        return "20" if seconds is None or seconds > 120 else "10"
-    return "max" if seconds is None else random.choice(("15", "30", "max"))
+        return "10"
+    if seconds is None:
+        return "max"
+    return random.choice(("15", "30", "max"))
 
 
 def _faults(
@@ -164,8 +199,11 @@ def _faults(
     `due`: the kind and target of one of them. `possible`: those of the others.
     """
     faults: list[Fault] = []
-    for i in range(random.randint(3, 7)):
-        kind, target = random.choice(possible) if i else due
+    for number in range(random.randint(3, 7)):
+        kind, target = due
+        if number > 0:
+            kind, target = random.choice(possible)
+        # A fifth of the faults begins at the tick of the fault before.
         is_simultaneous = faults and random.random() < 0.2
         if is_simultaneous:
             tick = faults[-1].tick
@@ -184,7 +222,10 @@ def _faults(
 
 
 def most_deaths(faults: Sequence[Fault]) -> int:
-    """Return the most restarts that these faults may cause for one process."""
+    """Return the most restarts that these faults may cause for one process.
+
+    A kill of all processes counts for each.
+    """
     deaths = Counter[str]()
     for fault in faults:
         if fault.kind in MORTAL:

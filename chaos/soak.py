@@ -28,7 +28,8 @@ def soak(
     begun = time.monotonic()
     verdicts = []
     for number in numbers:
-        if (elapsed := time.monotonic() - begun) >= seconds:
+        elapsed = time.monotonic() - begun
+        if elapsed >= seconds:
             break
         this = trial(seed, number)
         show(elapsed, str(this))
@@ -37,16 +38,17 @@ def soak(
 
 
 def _expected(this: Trial, baseline: Baseline) -> Result | None:
-    """The result that the run must reach; None in realtime."""
+    """Return the result that the run must reach; None in realtime."""
     if this.mode == "realtime":
         return None
-    return baseline.result(
-        scenario(this.orchard, this.is_mistaken),
-        None if this.seconds is None else round(this.seconds / TIME_STEP),
-    )
+    ticks = None
+    if this.seconds is not None:
+        ticks = round(this.seconds / TIME_STEP)
+    return baseline.result(scenario(this.orchard, this.is_mistaken), ticks)
 
 
 def _run(this: Trial, expected: Result | None, say: Say) -> Verdict:
+    """Do one run with its faults, and judge it."""
     with Network(this.is_routed) as network:
         name = f"seed-{this.seed}-run-{this.number}"
         has_disk = any(fault.kind == FULL for fault in this.faults)
@@ -72,7 +74,10 @@ def _run(this: Trial, expected: Result | None, say: Say) -> Verdict:
 
 
 def _arguments(this: Trial) -> list[str]:
-    """The trial's options of run.py, without the scenario."""
+    """Return the trial's options of run.py, without the scenario."""
     arguments = ["--mode", this.mode, "--speed", this.speed, "--hosts", this.hosts]
-    arguments += [] if this.seconds is None else ["--duration", str(this.seconds)]
-    return arguments + ([] if this.is_recorded else ["--record", "none"])
+    if this.seconds is not None:
+        arguments += ["--duration", str(this.seconds)]
+    if not this.is_recorded:
+        arguments += ["--record", "none"]
+    return arguments

@@ -1,5 +1,9 @@
 """How the bodies of a recorded run drove: poses and velocities, tick by tick, and what
 lasers hit.
+
+`orchard export` reads them here and writes them into a bag (`export.py`). A recording has one file,
+or several, which are called its parts. A part is a sequence of chunks: tables of Rerun, each of one
+entity, with a row per tick.
 """
 
 import math
@@ -19,6 +23,7 @@ from orchard.view.files import parts_of
 from orchard.view.reader import POSES, SCENARIO, VELOCITIES, column, read_part, ticks_of
 
 SCANS = "scans/"
+# Of a body that has not driven: forward, left and turn as done, and the same three as wanted.
 STILL: Velocities = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -44,14 +49,14 @@ class Drives:
     names: list[str]  #: of all bodies, in the order of the layout
     first: int = 0  #: the first tick
     last: int = 0  #: the newest tick
-    #: (last tick before, first tick after) of what is not recorded
+    #: times without a record: (last tick before the gap, first tick after it)
     gaps: list[tuple[int, int]] = field(default_factory=list)
-    left_out: int = 0  #: ticks that are not recorded besides, because the logger was too slow
+    left_out: int = 0  #: ticks outside the gaps that the logger was too slow to record
     is_torn: bool = False  #: whether the end of a part is missing
     poses: dict[int, dict[str, State]] = field(default_factory=dict)  #: tick -> body -> its pose
-    #: tick of the step's end -> body -> done and wanted
+    #: tick at the end of a step -> body -> its velocities in the step, done and wanted
     velocities: dict[int, dict[str, Velocities]] = field(default_factory=dict)
-    #: tick -> body -> (m, 2) m, what its laser hit, in its frame
+    #: tick -> body -> points that its laser hit: m rows of x and y (metres), in the body's frame
     points: dict[int, dict[str, np.ndarray]] = field(default_factory=dict)
 
     def ticks(self) -> Iterator[tuple[int, Mapping[str, State], Mapping[str, Velocities]]]:
@@ -78,18 +83,19 @@ def read_drives(recording: Path, with_scans: bool = False) -> Drives:
         raise RecordingError(f"{recording}: no such recording")
     drives: Drives | None = None
     for file in parts:
-        known = read_part(file)
-        if known is None:
+        part = read_part(file)
+        if part is None:
             raise RecordingError(
                 f"{file}: it cannot be read: it is no recording, or too much of it is missing"
             )
         chunks = _chunks_of(file, with_scans)
         if drives is None:
             scenario = _scenario_in(file, chunks)
+            # The names need none of the user's own classes, which may not be here.
             drives = Drives(scenario, list(lay_out(scenario.without_code).names))
-        drives.gaps += known.gaps
-        drives.left_out += known.left_out
-        drives.is_torn |= known.is_torn
+        drives.gaps += part.gaps
+        drives.left_out += part.left_out
+        drives.is_torn |= part.is_torn
         for chunk in chunks:
             _take(drives, chunk)
     if drives is None or not drives.poses:
@@ -103,10 +109,11 @@ def read_drives(recording: Path, with_scans: bool = False) -> Drives:
 
 
 def _chunks_of(file: Path, with_scans: bool) -> list[Chunk]:
-    """Return the parts of a file that tell of bodies and of the scenario."""
+    """Return the chunks of a file that tell of bodies and of the scenario."""
     entities = [POSES, f"/{VELOCITIES}", f"/{SCENARIO}"]
     if with_scans:
         entities.append(f"/{SCANS}**")
+    # In Rerun's filters `+` takes an entity in, and `**` stands for all entities below a path.
     return list(RrdReader(file).stream().filter(content=[f"+ {entity}" for entity in entities]))
 
 
@@ -122,7 +129,7 @@ def _scenario_in(file: Path, chunks: list[Chunk]) -> Scenario:
 
 
 def _take(drives: Drives, chunk: Chunk) -> None:
-    """Add to the drives what a part of a recording tells of them."""
+    """Add to the drives what a chunk of a recording tells of them."""
     path = chunk.entity_path
     if path == POSES:
         _take_poses(drives, chunk)
@@ -164,13 +171,14 @@ def _take_scans(drives: Drives, chunk: Chunk, body: str) -> None:
 
 
 def ranges_of(points: np.ndarray, laser: Laser, every: int) -> np.ndarray:
-    """Return the ranges of every `every`-th beam from the points that it hit.
+    """Return the range of each recorded beam of a laser, from the points that its beams hit.
 
-    `points`: (m, 2) m, in the frame of the body. Ranges: m, float32, +inf without a return.
+    `points`: a row of x and y (metres) for each point, in the frame of the body. `every`: one of so
+    many beams is recorded. Ranges: metres, float32, +inf for a beam that hit nothing.
     """
     beam_count = math.ceil(laser.beams / every)
     ranges = np.full(beam_count, np.inf, dtype=np.float32)
-    # From the laser, which is ahead of the body's centre.
+    # Points are seen from the laser here, which is ahead of the body's centre.
     x = points[:, 0] - laser.ahead
     y = points[:, 1]
     angles = np.arctan2(y, x) - laser.first

@@ -1,4 +1,8 @@
-"""A recording as a bag: for each tick the clock, transforms, odometry and the wanted velocities."""
+"""Writes a recording as a bag: for each tick the clock, transforms, odometry and wanted velocities.
+
+`drives.py` has read the recording. A topic is the name and the type under which ROS publishes
+messages (`plain/topics.py`); in a bag each topic is a connection.
+"""
 
 from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -30,9 +34,8 @@ from orchard.field.layout import lay_out
 from orchard.view.recorder import SCAN_BEAMS
 
 VERSION: Literal[9] = 9  # of a bag's metadata: that of ROS 2 Jazzy
-NEVER = QosTime(
-    2**31 - 1, 2**32 - 1
-)  # no deadline, no end of life: what rosbag2 writes for infinity
+# No deadline and no end of life: the largest seconds and nanoseconds, as rosbag2 writes infinity.
+NEVER = QosTime(2**31 - 1, 2**32 - 1)
 
 
 class Bag(AbstractContextManager["Bag"]):
@@ -42,6 +45,7 @@ class Bag(AbstractContextManager["Bag"]):
         self._file = file
         self.count = 0
         self._store = get_typestore(Stores.ROS2_JAZZY)
+        # The bag is made in a hidden folder beside its place, and moved there when it is whole.
         self._folder = TemporaryDirectory(dir=file.parent, prefix=f".{file.name}.")
         self._writer = Writer(
             Path(self._folder.name) / "bag", version=VERSION, storage_plugin=StoragePlugin.MCAP
@@ -93,9 +97,8 @@ def _qos(qos: topics.QoS) -> Qos:
     )
 
 
-Track = Callable[
-    [Iterable[Any], int], Iterable[Any]
-]  # (ticks, how many) -> the same ticks; shows how far it is
+# Takes ticks and their number, returns the same ticks, and shows how many of them are done.
+Track = Callable[[Iterable[Any], int], Iterable[Any]]
 
 
 def chosen(drives: Drives, words: Sequence[str]) -> list[str]:
@@ -118,6 +121,7 @@ def export(drives: Drives, robots: Sequence[str], file: Path, track: Track) -> i
     with Bag(file) as bag:
         _begin(bag, drives, robots)
         for tick, poses, velocities in track(drives.ticks(), drives.last + 1 - drives.first):
+            # The step that ends at this tick began at the tick before.
             if tick > drives.first:
                 _commands(bag, tick - 1, velocities, robots)
             _tick(bag, tick, poses, velocities, robots)
@@ -126,6 +130,7 @@ def export(drives: Drives, robots: Sequence[str], file: Path, track: Track) -> i
 
 
 def _begin(bag: Bag, drives: Drives, robots: Sequence[str]) -> None:
+    """Write what does not change: scenario, map, shapes of the robots, places of their lasers."""
     first = drives.first
     bag.write(SCENARIO, "", first, messages.text(drives.scenario.model_dump_json()))
     bag.write(
@@ -144,8 +149,10 @@ def _begin(bag: Bag, drives: Drives, robots: Sequence[str]) -> None:
 def _commands(
     bag: Bag, tick: int, velocities: Mapping[str, Velocities], robots: Sequence[str]
 ) -> None:
+    """Write the velocities that were wanted for the step from a tick on."""
     for name in robots:
         if name in velocities:
+            # Three velocities as done, then the three that were wanted.
             forward, left, turn = velocities[name][3:]
             bag.write(
                 topics.CMD_VEL, name, tick, messages.velocity(name, tick, forward, turn, left)
@@ -159,10 +166,12 @@ def _tick(
     velocities: Mapping[str, Velocities],
     robots: Sequence[str],
 ) -> None:
+    """Write the clock, and where the robots are and how they drove at a tick."""
     states = {}
     for name in robots:
         if name in poses:
-            states[name] = (*poses[name], *velocities.get(name, STILL)[:3])
+            forward, left, turn = velocities.get(name, STILL)[:3]
+            states[name] = (*poses[name], forward, left, turn)
     bag.write(topics.CLOCK, "", tick, messages.clock(tick))
     bag.write(topics.TF, "", tick, messages.transforms(tick, states))
     for name, state in states.items():

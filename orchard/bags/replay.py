@@ -1,6 +1,7 @@
-"""Lets the velocities in a bag drive its robots again.
+"""Lets the velocities in a bag drive its robots again: for `orchard replay`.
 
-Their agents go on with plan, mail and deeds.
+The agent of such a robot runs as ever: it follows its plan, sends letters, and couples bins. Only
+the velocity that it wants is replaced by that of the bag.
 """
 
 import math
@@ -15,8 +16,7 @@ from msgspec.structs import replace
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
-from orchard.bags.plain import messages
-from orchard.bags.plain import topics as known
+from orchard.bags.plain import messages, topics
 from orchard.contract.agent import Action, Agent, Mail, Observation
 from orchard.contract.messages import FASTEST
 from orchard.field.geometry import Twist
@@ -25,10 +25,14 @@ from orchard.field.problems import printable
 from orchard.field.scenario import Scenario, check
 from orchard.folders import regular
 
-SCENARIO = known.Topic("orchard/scenario", "std_msgs/msg/String", known.LATCHED)  # as JSON
+# The scenario of the run, as JSON.
+SCENARIO = topics.Topic("orchard/scenario", "std_msgs/msg/String", topics.LATCHED)
 A_BAG = "a bag of ROS 2: an .mcap file, or the folder of a bag with its metadata.yaml"
-KEPT_TICKS = 5  # steps that one velocity drives a robot, as advice on the network: 0.5 s
-VELOCITIES = {known.CMD_VEL.type, known.CMD_VEL_UNSTAMPED.type}
+# Steps for which a velocity drives a robot if no newer one comes: 0.5 s. A velocity that a program
+# sends on the network stands as long (WATCHDOG_TICKS of orchard/server/commands.py).
+KEPT_TICKS = 5
+# The types of ROS messages that hold a velocity.
+VELOCITIES = {topics.CMD_VEL.type, topics.CMD_VEL_UNSTAMPED.type}
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,7 @@ class Commands:
 
 
 class Replayed:
-    """An agent with the velocities of a bag, while the bag has any."""
+    """An agent that drives with the velocities of a bag, and with its own where the bag has none."""
 
     def __init__(self, agent: Agent, velocities: Mapping[int, Twist]) -> None:
         self.Memory = agent.Memory
@@ -52,6 +56,7 @@ class Replayed:
 
     def tick(self, seen: Observation, mail: Mail, memory: Any) -> Action:
         action = self._agent.tick(seen, mail, memory)
+        # Without a hold it is asked at each tick: the bag may have another velocity in each.
         return replace(action, twist=self._velocity(seen.tick, action.twist), hold=None)
 
     def _velocity(self, tick: int, otherwise: Twist) -> Twist:
@@ -64,11 +69,10 @@ class Replayed:
 
 def replayed(agents: Mapping[str, Agent], commands: Commands) -> dict[str, Agent]:
     """Return the agents, those of the bag's robots with the bag's velocities."""
-    known = commands.velocities
     replaced = dict(agents)
-    for name in known:
+    for name, velocities in commands.velocities.items():
         if name in agents:
-            replaced[name] = Replayed(agents[name], known[name])
+            replaced[name] = Replayed(agents[name], velocities)
     return replaced
 
 
@@ -80,9 +84,10 @@ def read_commands(bag: Path, from_first_stamp: bool = False) -> Commands:
     Raises ValueError for what cannot be used.
     """
     scenario = None
-    topics = set[str]()
+    topics_seen = set[str]()
+    # Robot -> (stamp in ns, velocity), in the order of the bag.
     stamped = dict[str, list[tuple[int, Twist]]]()
-    for connection, time, message in _messages(bag, topics):
+    for connection, time, message in _messages(bag, topics_seen):
         robot = _robot_of(connection.topic, connection.msgtype)
         if robot:
             stamp = _stamp_of(message, time)
@@ -90,7 +95,8 @@ def read_commands(bag: Path, from_first_stamp: bool = False) -> Commands:
             stamped.setdefault(robot, []).append((stamp, _twist_of(message, where)))
         else:
             scenario = _scenario(message.data, f"the scenario in {bag}")
-    _check_velocities(bag, stamped, topics)
+    _check_velocities(bag, stamped, topics_seen)
+    # The stamp, in ns, at which the run begins.
     begin = 0
     if from_first_stamp:
         begin = min(stamp for twists in stamped.values() for stamp, _ in twists)
@@ -101,33 +107,34 @@ def read_commands(bag: Path, from_first_stamp: bool = False) -> Commands:
         ticks[robot] = []
         velocities[robot] = {}
         for stamp, twist in twists:
-            # What is between two ticks counts from the later one on.
+            # A stamp between two ticks counts from the later tick on. The two minus signs let `//`,
+            # which rounds down, round up.
             tick = -((begin - stamp) // messages.TICK_NANOSECONDS)
             ticks[robot].append(tick)
             velocities[robot][tick] = twist
     return Commands(scenario, velocities, ticks)
 
 
-def _check_velocities(bag: Path, velocities: Mapping[str, Any], topics: set[str]) -> None:
-    """Raise ValueError for a bag without a velocity. `topics`: those that it has."""
+def _check_velocities(bag: Path, velocities: Mapping[str, Any], topics_seen: set[str]) -> None:
+    """Raise ValueError for a bag without a velocity. `topics_seen`: all topics that it has."""
     if not velocities:
         wanted = "the topic /NAME/cmd_vel of a robot, of type TwistStamped or Twist"
         there = "it has no topics"
-        if topics:
-            there = f"its topics are {printable(', '.join(sorted(topics)), 500)}"
+        if topics_seen:
+            there = f"its topics are {printable(', '.join(sorted(topics_seen)), 500)}"
         raise ValueError(f"{bag}: it has no velocity; expected {wanted}; {there}")
 
 
-def _messages(bag: Path, topics: set[str]) -> Iterator[tuple[Connection, int, Any]]:
+def _messages(bag: Path, topics_seen: set[str]) -> Iterator[tuple[Connection, int, Any]]:
     """Yield the velocities and scenarios of a bag: connection, time in ns, message.
 
-    Adds all topics of the bag to `topics`. Raises ValueError if the bag cannot be read.
+    Adds all topics of the bag to `topics_seen`. Raises ValueError if the bag cannot be read.
     """
     try:
         with AnyReader([bag if bag.is_dir() else regular(bag)]) as reader:
             wanted = list[Connection]()
             for connection in reader.connections:
-                topics.add(f"{connection.topic} ({connection.msgtype})")
+                topics_seen.add(f"{connection.topic} ({connection.msgtype})")
                 is_scenario = connection.topic == f"/{SCENARIO.name}"
                 if is_scenario or _robot_of(connection.topic, connection.msgtype):
                     wanted.append(connection)
@@ -137,7 +144,7 @@ def _messages(bag: Path, topics: set[str]) -> Iterator[tuple[Connection, int, An
             for connection, time, data in reader.messages(wanted):
                 yield connection, time, reader.deserialize(data, connection.msgtype)
     except Exception as error:
-        # A damaged file lets its library raise any, such as KeyError.
+        # For a damaged file rosbags may raise an error of any type, such as KeyError.
         why = _why_unreadable(error) if bag.exists() else "no such file or folder"
         raise ValueError(f"{bag}: {why}; expected {A_BAG}") from error
 
@@ -180,11 +187,13 @@ def _robot_of(topic: str, kind: str) -> str:
 
 
 def _stamp_of(message: Any, time: int) -> int:
-    """Return the stamp of a velocity, or the message's time if it has none, in ns."""
+    """Return the stamp of a velocity, or the message's `time` if it has none, in ns."""
     if not hasattr(message, "header"):
         return time
     stamp = message.header.stamp
-    return int(stamp.sec * 10**9 + stamp.nanosec) or time
+    nanoseconds = int(stamp.sec * 10**9 + stamp.nanosec)
+    # A stamp of 0 is none.
+    return nanoseconds or time
 
 
 def _twist_of(message: Any, where: str) -> Twist:

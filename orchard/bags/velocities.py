@@ -1,5 +1,5 @@
-"""When the velocities of a bag drive its robots: what is refused before a run, and told
-after it.
+"""Which velocities of a bag fall within a replay of it: `orchard replay` refuses a bag of which
+none can, before the run, and says how many did, after the run.
 """
 
 import math
@@ -10,14 +10,15 @@ from pathlib import Path
 
 from orchard.field.scenario import TICKS_PER_SECOND, TIME_STEP
 
-# No harvest takes a hundred days. Stamps of the wall clock count from 1970.
+# Ticks of a hundred days: no harvest takes so long. Stamps of the wall clock count from 1970, so
+# they lie far beyond it, and are refused.
 LONGEST_HARVEST = 100 * 24 * 3600 * TICKS_PER_SECOND
 WAY_OUT = "--from-first-stamp begins the run at the first velocity of the bag"
 
 
 @dataclass(frozen=True)
 class BagVelocities:
-    """The times of the velocities in a bag. Tick k begins k * 0.1 s after the run's begin."""
+    """The times of the velocities in a bag, as ticks. Tick k is k * 0.1 s after the run's begin."""
 
     bag: Path
     #: robot -> the tick of each of its velocities; those before the run's begin are below 0

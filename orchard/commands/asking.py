@@ -87,6 +87,7 @@ def stop(robots: Robots = None, connect: There = None, secure: EmergencyOperator
     if connect is None:
         has_ended_some = end_orphaned_processes(runs_folder(), print_error)
         if has_ended_some and not running_here(runs_folder()):
+            # Their robots stand now. Without a run to ask, the question would end with an error.
             return
     _ask_runs(find_runs, connect, secure, of_robots(robots or [], is_stop=True))
 
@@ -223,12 +224,16 @@ def control(note: RunNote, query: RunQuery[M], identity: Identity | None = None)
     from orchard.net.zenoh_bus import client
 
     keys = Keys()
-    is_open = bool(note.run) and not note.endpoint.startswith("tls/")
-    # An open run that was found here needs no role.
-    role = None if is_open else identity
+    # The note of a run that was found here has its id. With --connect the id is asked for below.
+    is_here = bool(note.run)
+    is_secured = note.endpoint.startswith("tls/")
+    role = identity
+    if is_here and not is_secured:
+        # Such a run asks for no certificate, and `stop` asks secured and other runs in one call.
+        role = None
     with client(note.endpoint, seconds=LOOK_SECONDS, identity=role) as bus:
         run = note.run
-        if not run:
+        if not is_here:
             run = _ask(bus, keys.of("scenario"), b"", RunInfo, ANSWER_SECONDS).run
         return _ask(
             bus,

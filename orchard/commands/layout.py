@@ -103,9 +103,10 @@ def write_scenario(
         )
         sizes = _sizes(imported.scenario)
         if plan is not None:
+            # A plan has room for the number and the lengths of the rows: up to the first semicolon.
             words = f"{sizes.partition(';')[0]}; {_place(imported)}"
             write_whole(plan, orchard_plan(lay_out(imported.scenario), words).encode())
-        # What stdout gets is the scenario, if no file gets it.
+        # If no file is named, stdout gets the scenario, and stderr the notes on it.
         tell = print_error if out is None else print_line
         if out is None:
             print_line(text.rstrip())
@@ -136,6 +137,7 @@ def _sizes(scenario: Scenario) -> str:
     gaps = [following.south - row.south for row, following in pairwise(survey.rows)]
     ground = lay_out(scenario)
     numbers = range(1, len(lengths) + 1)
+    # From each end of each row to the road at this side, m.
     beyond = []
     for number in numbers:
         beyond += [ground.beyond(number, "west"), ground.beyond(number, "east")]

@@ -18,6 +18,7 @@ def _harvest_help() -> str:
     listed = "\n".join(
         f"  {name:10}{entry.summary}" for name, entry in COMMANDS.items() if entry.is_here
     )
+    # A line with \b alone tells Typer not to wrap the lines after it.
     return (
         f"Harvest an orchard to the end.\n\n\b\nOther commands, each with its own --help:\n{listed}"
     )
@@ -40,6 +41,7 @@ def main() -> None:
         print_error(fault_of(error))
         raise SystemExit(error.exit_code) from None
     except OSError as error:
+        # A closed stdout and a full disk; an error of a file of the command has a name.
         is_of_stdout = error.errno in (errno.EBADF, errno.ENOSPC) and not error.filename
         if is_of_stdout:
             print_error(unwritten("stdout", error))
@@ -49,8 +51,8 @@ def main() -> None:
     finally:
         console.end()
         errors.end()
-        # Else the process visits all objects once more before it ends: a fifth of the time of a
-        # short command.
+        # This tells Python's garbage collector to leave all objects alone. Else it would visit each
+        # of them before the process ends, which takes a fifth of the time of a short command.
         gc.freeze()
 
 

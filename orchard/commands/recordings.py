@@ -24,6 +24,7 @@ from orchard.view.files import (
 from orchard.view.web import how_to_open, serve_web
 
 _WEB = "Show it in a browser on this machine."
+# The viewer's data takes the port after this one, so the last of all ports is left out.
 Browser = Annotated[int | None, Option("--web", min=1024, max=65534, metavar="PORT", help=_WEB)]
 
 
@@ -52,6 +53,7 @@ def _serve(parts: Sequence[Path], port: int) -> int:
 
     Raises OSError, BusError or ValueError.
     """
+    # Raises OSError if the viewer is not installed.
     viewer_program()
     check_ports(port)
     with serve_web(port, *map(str, parts)) as server:

@@ -50,6 +50,7 @@ def secure(chosen: SecureOptions) -> None:
     with exit_on_errors(ScenarioError, OSError, ValueError):
         sizes = {"rows": chosen.rows, "pickers": chosen.pickers, "carriers": chosen.carriers}
         names = agent_names(scenario_of(chosen.scenario, sizes))
+        # The agents without a --role are shared among --hosts.
         hosts = host_roles(names, chosen.role or (), lambda rest: shares(rest, chosen.hosts))
         bridges = bridge_roles(names, chosen.bridge or ())
         clients = hosts + bridges

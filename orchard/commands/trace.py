@@ -23,6 +23,7 @@ class TraceOptions:
     out: Path | None = option(None, "Write the trace to this file.", "FILE.txt")
 
 
+# Each line of a trace begins so: 0:00:12.5  carrier_01
 TRACE = KindOfFile("a trace", rb"\d+:\d\d:\d\d\.\d  \w+  ")
 
 
@@ -46,7 +47,7 @@ def print_trace(chosen: TraceOptions) -> None:
     refuse_unknown(scenario)
     if chosen.out is not None:
         check_writable(chosen.out, chosen.scenario, TRACE)
-    # It loads numba, which takes a second.
+    # Loaded only now, after the checks: it loads numba, which takes a second.
     from orchard.event_model.trace import trace as traced
 
     try:

@@ -1,7 +1,11 @@
-"""Receives a run and records it with Rerun.
+"""Receives a run and records it with Rerun: the work of the process `processes/logger.py`.
 
-One thread receives and another writes, with a bounded queue between them: a slow disk delays no
-other process.
+One thread receives (`Logger`) and another writes (`write`), with a bounded queue between them
+(`FrameQueue`): a slow disk delays no other process.
+
+A frame is the picture of the orchard at a tick, with the events of the step that ended there: the
+frame of tick k has the events of step k - 1. Physics publishes up to ten frames in one message, a
+bundle. A recording that was stopped and went on has several files, its parts.
 """
 
 import logging
@@ -41,16 +45,16 @@ from orchard.wire.messages import (
 MOST = 2000
 # Events that wait for a frame; a tick never has more than some hundreds.
 MOST_NOTES = 10_000
-# Bundles, of ten ticks or fewer, for which the logger does not wait longer.
+# So many bundles in the inbox wake the logger before its next look.
 ENOUGH = 100
-# Between two looks at what has come quietly, if a file is written.
+# Bundles come quietly: they wake no thread. The logger looks for them so often if it writes a file,
 LOOK_SECONDS = 0.5
-# The same while viewers are served.
+# and so often if people watch the run.
 LIVE_SECONDS = 0.05
 
-# In events: what is paused, and plays on.
+# The subject of the events "paused" and "playing".
 THE_RUN = "the run"
-# In events: a sender that does not say its session.
+# The subject of the event "refused", if the sender did not give its session.
 NAMELESS = "a client"
 
 log = logging.getLogger("orchard")
@@ -59,9 +63,10 @@ log = logging.getLogger("orchard")
 
 
 class FrameQueue:
-    """The frames that wait.
+    """The frames that wait for the thread that writes.
 
-    When it is full, the two newest become one, without the older's poses and scans.
+    When the queue is full, the newest frame in it and the next one become one, which has the events
+    of both, and poses and scans of the next one only.
     """
 
     def __init__(self, most: int = MOST) -> None:
@@ -69,8 +74,9 @@ class FrameQueue:
         self._waiting: deque[Frame] = deque()
         self._is_closed = False
         self._change = threading.Condition()
+        # Frames that went into the one after them, because the queue was full.
         self.left_out = 0
-        # Events after the last frame.
+        # Events after the last frame, which the writer adds at the end.
         self.rest: list[Event] = []
 
     def __len__(self) -> int:
@@ -103,9 +109,10 @@ class FrameQueue:
 def open_recording(
     layout: Layout, run: str, file: Path | None, port: int | None
 ) -> tuple[Recorder, int | None]:
-    """Begin a recording, or a further part of one.
+    """Begin a recording, or a further part of one, and say on stdout where it is.
 
-    Return also the last tick of the earlier parts; None without.
+    Return the recorder, and the last tick of the earlier parts; None if there are none. `file`:
+    None if nothing is written. `port`: of the server for viewers; None without a server.
     """
     last: int | None = None
     shown: Mapping[str, Mapping[str, Colour]] = {}
@@ -121,8 +128,9 @@ def open_recording(
 def write(queue: FrameQueue, recording: Recorder, last: int | None) -> Path | None:
     """Write all frames, and the gaps after tick `last` and between them, until the queue is closed.
 
-    Return the file if all is in it.
+    Return the file if all is in it; None if the disk was full, or nothing is written.
     """
+    # The recorder sends rows in larger groups while many frames wait.
     recording.waiting = queue.__len__
     try:
         while (frame := queue.take()) is not None:
@@ -140,7 +148,7 @@ def write(queue: FrameQueue, recording: Recorder, last: int | None) -> Path | No
 
 
 def _write_frame(recording: Recorder, frame: Frame) -> None:
-    """Write a frame. Events of earlier steps, which came late, are written before it."""
+    """Write a frame. Events of earlier steps than its own, which came late, are written before."""
     late = [event for event in frame.events if event.tick < frame.tick - 1]
     for event in late:
         recording.tell(event)
@@ -176,7 +184,8 @@ class Logger:
         self.refusals = Refusals()
         # Events that wait for the next frame.
         self._notes: list[Event] = []
-        # s, on the bus's clock, when physics counts as gone; inf while it is alive.
+        # When the logger gives up, s on the bus's clock: some time after physics has gone. Infinite
+        # while physics is alive.
         self._gone_until = math.inf
         self._ending = Ending(bus.clock)
         # The tick of the newest frame that was passed on.
@@ -195,10 +204,11 @@ class Logger:
         """Record until the run ends.
 
         Return the exit code, and the part that is whole, if any. Raises what `writing` raises.
+        `writing`: the writer's thread; it is done before the run only if it has failed.
         """
         code = 1
-        # From here on: to open a recording may take longer on a busy machine, and that physics is
-        # there waits in the inbox.
+        # The time is measured from here on, and not from the subscription: to open a recording may
+        # take longer on a busy machine. Meanwhile the news that physics is alive wait in the inbox.
         self._gone_until = self.bus.clock() + GONE_SECONDS
         try:
             while not writing.done() and self.bus.clock() < self._gone_until:
@@ -263,10 +273,7 @@ class Logger:
                 raise Refused("no such key")
 
     def _unpack(self, bundle: Bundle) -> None:
-        """Take each picture after the events and letters of its step.
-
-        These are of the tick before.
-        """
+        """Take each picture after the events and letters of its step: these have the tick before."""
         messages = [*bundle.events, *bundle.letters, *bundle.pictures]
         for message in sorted(messages, key=_step_of):
             match message:
@@ -291,14 +298,15 @@ class Logger:
         """
         if frame.is_whole or (self._tick is not None and frame.tick == self._tick + 1):
             self._tick = frame.tick
-            # What comes on a key of its own may be ahead of the bundles: it waits for its frame.
+            # An event that has come on a key of its own, outside the bundles, may be of a later
+            # step: it waits for the frame of that step.
             frame.events = [event for event in self._notes if event.tick < frame.tick]
             self._notes = [event for event in self._notes if event.tick >= frame.tick]
             self.queue.put(frame)
 
 
 def _step_of(message: Message) -> int:
-    """Return the tick of the step of which a message tells. A picture has that of its end."""
+    """Return the tick of a message's step. A picture has the tick at the end of its step."""
     if isinstance(message, TickStateMessage):
         return message.tick - 1
     return message.tick
@@ -321,9 +329,10 @@ def record(
     if port is not None:
         look = LIVE_SECONDS
     logger = Logger(bus, keys, run.run, layout, FrameQueue(), look=look)
-    # It listens before, so what comes while earlier parts are read is not lost.
+    # It listens before it opens the recording: what comes while earlier parts are read is not lost.
     logger.listen()
     recorder, last = open_recording(layout, run.run, file, port)
-    # The first tick waits for this token, and a whole frame comes after it.
+    # Physics does the first tick after it has seen this token. To a logger that comes later it
+    # sends a whole frame then.
     bus.declare_alive(keys.of("alive", LOGGER, session or bus.id))
     return logger.run(bus.executor.submit(write, logger.queue, recorder, last))

@@ -57,7 +57,7 @@ class CommandEntry:
 
 
 _OF_HARVEST = {"epilog": EPILOG}
-# -3 is no option.
+# For `step -3`: Typer would call -3 an unknown option; the command says what is wrong with it.
 _NUMBERS = {"context_settings": {"ignore_unknown_options": True}}
 COMMANDS = {
     "view": CommandEntry("orchard.commands.recordings", "view", "open a recording"),

@@ -38,7 +38,8 @@ def exit_on_errors(*mistakes: type[Exception], code: int = BAD_INPUT) -> Iterato
     try:
         yield
     except typer.Exit:
-        # It is a RuntimeError, and has been told.
+        # An inner context has printed the error already. It is a RuntimeError too, so it would be
+        # printed again if `mistakes` has RuntimeError.
         raise
     except mistakes as error:
         print_error(in_words(error))
@@ -126,7 +127,7 @@ def _of_parameter(error: BadParameter) -> str:
         fault = _of_value(cause)
     if hint.startswith("-"):
         return f"{hint}: {fault}"
-    # It is of an argument, and names the argument by its value.
+    # An argument has no name that a user knows; its fault begins with the value.
     return fault
 
 

@@ -32,12 +32,13 @@ class KindOfFile:
 def check_writable(path: Path, read: Path | None = None, kind: KindOfFile | None = None) -> None:
     """Raise OSError if a file cannot be written. An existing file is not changed.
 
-    `read`: a file that the command reads. It must not be written in its place. `kind`: of what is
-    written. An existing file must be empty or of that kind: else somebody would lose it.
+    `read`: a file that the command reads; `path` must not be the same file. `kind`: of what is
+    written. An existing file must be empty or of that kind, or the user would lose what is in it.
     """
     if read is not None and path.exists() and read.exists() and path.samefile(read):
         raise OSError(f"{path}: cannot be written: it is the file that is read; expected another")
-    # A pipe would wait for a reader. /dev/stdout is no pipe here, whatever stdout is.
+    # To open a named pipe would wait for a reader. /dev/stdout is allowed, even where stdout is a
+    # pipe: that has no name, so nothing is at its real path, such as /proc/7/fd/pipe:[9].
     if real(path).is_fifo():
         raise OSError(f"{path}: is a named pipe; expected a file")
     is_new = not path.exists()
@@ -47,7 +48,8 @@ def check_writable(path: Path, read: Path | None = None, kind: KindOfFile | None
         expected = "expected a file in a directory that exists and can be written"
         raise OSError(f"{path}: cannot be written: {error.strerror}; {expected}") from error
     if is_new:
-        # A link stays.
+        # The check has made an empty file. If `path` is a link, the file that it leads to is
+        # removed, and the link stays.
         real(path).unlink()
     elif kind is not None and not _may_be_replaced(path, kind):
         raise OSError(
@@ -57,7 +59,7 @@ def check_writable(path: Path, read: Path | None = None, kind: KindOfFile | None
 
 
 def _may_be_replaced(path: Path, kind: KindOfFile) -> bool:
-    """Whether nobody loses an existing file. A device such as /dev/null keeps nothing."""
+    """Whether a file holds nothing that a user could miss: it is a device, empty or of the kind."""
     return not path.is_file() or not path.stat().st_size or kind.is_kind_of(path)
 
 

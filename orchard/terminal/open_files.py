@@ -3,11 +3,13 @@
 import resource
 
 
-def allow_files(needed: int, who_needs: str, otherwise: str = "") -> None:
-    """Let this program open so many files. `who_needs`: what needs them, with its verb.
+def allow_files(needed: int, what_needs: str, otherwise: str = "") -> None:
+    """Let this program open so many files at once.
 
-    Raises ValueError if the system does not allow it; `otherwise`: what can be done instead.
+    Raises ValueError if the system does not allow it. Its text holds `what_needs`, a subject and
+    its verb such as "the page needs", and `otherwise`: what can be done instead.
     """
+    # The present limit, and the most to which a program may raise it.
     allowed, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     if allowed >= needed or allowed == resource.RLIM_INFINITY:
         return
@@ -15,6 +17,6 @@ def allow_files(needed: int, who_needs: str, otherwise: str = "") -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (needed, most))
     except (ValueError, OSError):
         raise ValueError(
-            f"this program may open {most} files at once, and {who_needs} {needed}; "
+            f"this program may open {most} files at once, and {what_needs} {needed}; "
             f"`ulimit -n {needed}` allows them{otherwise}"
         ) from None

@@ -38,7 +38,10 @@ def number(text: str) -> float:
 
 
 def whole(text: str, most: int, expected: str) -> int:
-    """Return the whole number in a text, from 1 to `most`. `expected`: what is said of another."""
+    """Return the whole number in a text, from 1 to `most`.
+
+    `expected`: the end of the message for any other text, as "expected a number from 1 to 200".
+    """
     if not text.isdecimal() or not 1 <= int(text) <= most:
         raise BadParameter(f"{text}: {expected}")
     return int(text)
@@ -66,7 +69,10 @@ def hosts(text: str) -> int:
 
 
 def scenario_file(path: Path | None) -> Path | None:
-    """Return the path of a scenario, or the name of one in config/. It says what else was meant."""
+    """Return the path of a scenario, or the name of one in config/.
+
+    A wrong word may be a recording, or a command or a scenario misspelled: the error names it.
+    """
     if path is not None and path.suffix == ".rrd":
         raise BadParameter(f"{path}: a recording, not a scenario; did you mean the command view?")
     if path is None or path.exists() or str(path) in names():
@@ -154,11 +160,11 @@ class _Plain:
 
 
 class OrchardCommand(_Plain, TyperCommand):
-    """A command. Of an option that has one value the last one counts, and that is said."""
+    """A command. If an option is given twice, its last value counts, and a warning is printed."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the words of a command line. Tell which options lose a value."""
-        # The parser takes words out of the list.
+        """Parse the words of a command line. Warn of options that lose a value."""
+        # A copy, because the parser takes words out of its list.
         _, _, order = self.make_parser(ctx).parse_args(list(args))
         given: list[TyperOption] = []
         for parameter in order:

@@ -1,4 +1,8 @@
-"""What `orchard` prints on stdout and stderr, whatever these are and whatever the text holds."""
+"""What `orchard` prints on stdout and stderr, whatever these are and whatever the text holds.
+
+A stream may be closed, on a full disk, or a pipe without a reader. Then what is printed is lost,
+and the program goes on. A text, such as a path, may hold characters that would control a terminal.
+"""
 
 import errno
 import logging
@@ -43,9 +47,11 @@ class Output(Console):
 
     def __init__(self, stderr: bool) -> None:
         super().__init__(stderr=stderr, emoji=False, highlight=False)
+        # Of stdout it is stderr, of stderr stdout.
         self.other: Output | None = None
+        # Whether something could not be written.
         self.has_lost = False
-        # Whether the answer of the command has come on the other stream.
+        # Whether stderr has got the result of the command, which stdout has lost.
         self.is_repeated = False
 
     def print(self, *objects: Any, **options: Any) -> None:
@@ -82,7 +88,10 @@ class Output(Console):
         raise
 
     def end(self) -> None:
-        """Write what is left, or drop it. Python would end with exit code 120 because of it."""
+        """Write what is left, or drop it.
+
+        If Python could not write it at the exit, it would end with exit code 120.
+        """
         try:
             self.file.flush()
         except OSError:
@@ -170,19 +179,22 @@ def _say(text: str) -> None:
 
 @contextmanager
 def own_classes_run() -> Iterator[None]:
-    """In this context, own classes may run.
+    """In this context, a user's own classes may run.
 
-    What they print is shown as lines of the program, and not all of it.
+    What they print is shown as lines of the program; not all of it, if they print much.
     """
     log = logging.getLogger("orchard")
     handler = _Log()
     outputs: list[Any] = [console, errors]
     log.addHandler(handler)
     try:
+        # Stdout and stderr are replaced, for Python's `print` and for C code. The program's own
+        # words go to the streams that `diverted` yields, which lead where stdout and stderr led
+        # before.
         with diverted(_say) as (console.file, errors.file), printed(_say):
             yield
     finally:
         log.removeHandler(handler)
         for output in outputs:
-            # Rich takes stdout or stderr, whatever they are then.
+            # Without a file Rich prints on what is stdout or stderr at that time.
             output.file = None

@@ -27,7 +27,7 @@ def handled(handlers: Mapping[int, Handler]) -> Iterator[None]:
 
 @contextmanager
 def stoppable() -> Iterator[Callable[[], bool]]:
-    """Yield what tells whether to stop.
+    """Yield a function that tells whether to stop.
 
     The first SIGINT or SIGTERM asks for it. The second one ends all: it raises typer.Exit.
     """

@@ -8,6 +8,7 @@ from typer import BadParameter
 
 from orchard.field.scenario import TICKS_PER_SECOND, TIME_STEP
 
+# [[hours:]minutes:]seconds, with at most one decimal, because a tick is 0.1 s.
 _MOMENT = re.compile(r"(?:(?:(\d{1,4}):)?(\d{1,6}):)?(\d{1,8}(?:\.\d)?)")
 
 

@@ -47,7 +47,7 @@ class Commands:
 
 
 class Replayed:
-    """An agent that drives with the velocities of a bag, and with its own where the bag has none."""
+    """An agent that drives with the velocities of a bag, or its own where the bag has none."""
 
     def __init__(self, agent: Agent, velocities: Mapping[int, Twist]) -> None:
         self.Memory = agent.Memory

@@ -273,7 +273,7 @@ class Logger:
                 raise Refused("no such key")
 
     def _unpack(self, bundle: Bundle) -> None:
-        """Take each picture after the events and letters of its step: these have the tick before."""
+        """Take each picture after the events and letters of its step, which have a tick less."""
         messages = [*bundle.events, *bundle.letters, *bundle.pictures]
         for message in sorted(messages, key=_step_of):
             match message:

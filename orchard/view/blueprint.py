@@ -1,4 +1,8 @@
-"""The blueprint of a recording: its views, their layout and their cameras."""
+"""The blueprint of a recording: its views, their layout and their cameras.
+
+Rerun shows a recording as its blueprint says. Places and targets of cameras are x, y, z (metres) on
+the map. They, and the shares of the views, were chosen by eye in a window of usual size.
+"""
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -15,7 +19,8 @@ from orchard.view.scenery import PLAN_CAMERA, plan_size
 PIN_FAR = 0.6
 PIN_NEAR = 0.4
 PIN_ON_THE_PLAN = -5.0
-# End of a plot's axis, in highest possible values. So the legend lies above the curves.
+# A plot's axis ends at so many times the highest possible value. So the legend lies above the
+# curves.
 HEADROOM = 1.6
 # Up to this number of robots, all histories fit without scrolling.
 FEW = 8
@@ -44,8 +49,8 @@ ON_THE_PLAN = ["world/**", "plan/**", "pins/**", "talk/**", "scans/**"]
 
 
 def blueprint(layout: Layout) -> rrb.Blueprint:
-    """Return the blueprint: 3-D views above the plan, or beside a high one, and histories; beside
-    them figures and events.
+    """Return the blueprint: 3-D views above the plan, or beside a plan that is higher than wide,
+    and histories; on the right figures and events.
     """
     pictures = rrb.Vertical(_pictures(layout), _legend(), row_shares=[15, 1])
     views = rrb.Horizontal(pictures, _figures(layout), column_shares=[11, 4])
@@ -146,6 +151,7 @@ def _legend() -> rrb.Spatial2DView:
 def _spaces(layout: Layout) -> rrb.Tabs:
     """Return the 3-D views as tabs."""
     y = layout.lane(1).y
+    # From west of the first row, at the height of a person, along it.
     inside = _eye((ROW_WEST - 5.5, y - 1.2, 2.2), (ROW_WEST + 14.0, y + 0.4, 1.0))
     return rrb.Tabs(
         at_work(layout),
@@ -164,6 +170,7 @@ def at_work(layout: Layout) -> rrb.Spatial3DView:
 
 def _outside(layout: Layout) -> rrb.EyeControls3D:
     """Return a camera that sees the whole orchard from beyond its southern end."""
+    # y of the southern line of trees: `layout.tree_lines` go from north to south.
     south = layout.tree_lines[-1]
     if _is_high(layout):
         return _eye((48.0, south - 12.0, 13.0), (10.0, south + 26.0, -3.0))
@@ -223,7 +230,10 @@ def _plan() -> rrb.Spatial2DView:
 
 
 def _plot(name: str, origin: str, highest: int) -> rrb.TimeSeriesView:
-    """Return a plot of all series below a path. `highest`: the highest possible value."""
+    """Return a plot of all series below a path. `highest`: the highest possible value.
+
+    The axis begins a little below 0, so that a curve at 0 is seen.
+    """
     whole_run = rr.TimeRange(
         start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite()
     )

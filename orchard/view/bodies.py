@@ -28,8 +28,13 @@ PIN_Z = 4.4
 # z up to which fruit fills an empty bin and a full one, m, without the heap on it.
 BIN_FLOOR = 0.2
 BIN_RIM = 0.94
-# Levels of fruit that are told apart between them.
+# Levels of fruit that are shown between these two.
 FILL_STEPS = 14
+# A level, or a piece of a row, counts as reached if so small a part of it is missing: sums of
+# metres are rounded.
+ROUNDING = 1e-9
+# z of the bar between a robot and its bin, m.
+BAR_Z = 0.42
 FRUIT_BOTTOM = 0.17  # m: z of the lower side of the fruit
 # Scales of a mesh that is shown, and of one that is hidden.
 WHOLE = (1.0, 1.0, 1.0)
@@ -85,6 +90,7 @@ class BodyView:
 
     def _pin(self, robot: Start) -> None:
         """Log a ball on a stalk above a robot."""
+        # The ball of a high robot, such as the tractor, is 2 m above its roof.
         roof = (0.0, 0.0, KINDS[robot.kind].height)
         top = (0.0, 0.0, max(PIN_Z, KINDS[robot.kind].height + 2.0))
         ball = rr.Points3D([top], labels=[robot.name])
@@ -102,6 +108,7 @@ class BodyView:
             return
         path = self.path[name]
         colour = palette.STATES[state]
+        # Rerun has one colour for a text. A text that was seen in another state gets an addition.
         if colours.get(text, colour) != colour:
             text = f"{text} ({state})"
         if text not in colours:
@@ -115,13 +122,14 @@ class BodyView:
     def fills(self, fill: np.ndarray) -> None:
         """Add the fruit level of the bins in which it changed.
 
-        `fill`: (n,) metres of row, one per body.
+        `fill`: (n,) the metres of row that were picked into each body, 0 of all but bins.
         """
         steps_filled = FILL_STEPS * fill[self._bins] / self.layout.metres_per_bin
         # Rounding alone fills no further step.
-        levels = np.ceil(steps_filled - 1e-9).astype(int)
+        levels = np.ceil(steps_filled - ROUNDING).astype(int)
         for i, level in self._changed("levels", levels):
             path = self.path[self.layout.names[self._bins[i]]]
+            # The model of the fruit reaches from its origin 1 m down; a heap is on it.
             z = BIN_FLOOR + (BIN_RIM - BIN_FLOOR) * level / FILL_STEPS
             fruit_scale = UNSEEN
             if level:
@@ -140,15 +148,17 @@ class BodyView:
     def bars(self, coupled: np.ndarray) -> None:
         """Add the bars between robots and bins that have changed.
 
-        `coupled`: (n,) index of the other body, or -1.
+        `coupled`: (n,) for each body the index of the body to which it is coupled; -1: to none.
         """
         for i, is_coupled in self._changed("bars", coupled[self._towing] >= 0):
             robot = self.layout.starts[self._towing[i]]
             path = f"{self.path[robot.name]}/bar"
             kind = KINDS[robot.kind]
-            # It ends 10 cm inside the robot, and 5 cm inside the bin, so no gap is seen.
-            front = (-kind.length / 2 + 0.1, 0.0, 0.42)
-            rear = (-kind.tows + 0.45, 0.0, 0.42)
+            # From the robot's rear to the bin, `tows` behind it, which reaches 0.5 m to both sides
+            # of its middle. The bar ends 10 cm inside the robot, and 5 cm inside the bin, so no gap
+            # is seen.
+            front = (-kind.length / 2 + 0.1, 0.0, BAR_Z)
+            rear = (-kind.tows + 0.45, 0.0, BAR_Z)
             strips = []
             if is_coupled:
                 strips.append([front, rear])
@@ -196,9 +206,9 @@ def indices(layout: Layout, kinds: Container[str]) -> list[int]:
     return [i for i, start in enumerate(layout.starts) if start.kind in kinds]
 
 
-# Pieces of a row, each picked or not. With rows of the usual length a piece has 2 m.
-CHUNKS = 35
-FRUIT_IN_A_CHUNK = 8
+# Pieces of a row, each picked or not. With rows of the usual length, 70 m, a piece has 2 m.
+PIECES = 35
+FRUIT_PER_PIECE = 8
 FRUIT_Z = 1.95  # m, just below the pergola
 
 
@@ -213,7 +223,7 @@ class RowView:
         self.columns = columns
         self._names = [f"row_{lane.number:02d}" for lane in layout.lanes]
         self._lengths = np.array([[lane.length] for lane in layout.lanes])  # (r, 1) m
-        # How many pieces of each row are picked, (r, 4), as in `show`.
+        # How many pieces of each row are picked, (r, 4), as in `show`; -1: not shown yet.
         self._pieces = np.full((len(layout.lanes), 4), -1)
         self._fruit = [_fruit(lane) for lane in layout.lanes]
         for lane, row in zip(layout.lanes, self._names, strict=True):
@@ -224,9 +234,14 @@ class RowView:
             columns.rec.log(f"canopy/fruit/{row}", look, static=True)
 
     def show(self, row_ends: np.ndarray) -> None:
-        """Add the rows that changed. `row_ends`: (r, 4) how far each is picked, as in `World`."""
+        """Add the rows that changed.
+
+        `row_ends`: (r, 4) m, as in `World`: of each row how much is picked from the western and
+        from the eastern end; and, of a part inside it that is picked too, how far this part reaches
+        measured from the western and from the eastern end, 0 if there is none.
+        """
         # Rounding alone leaves no piece unpicked.
-        pieces = (CHUNKS * np.minimum(row_ends / self._lengths, 1.0) + 1e-9).astype(int)
+        pieces = (PIECES * np.minimum(row_ends / self._lengths, 1.0) + ROUNDING).astype(int)
         has_changed = (pieces != self._pieces).any(axis=1)
         for row in np.flatnonzero(has_changed).tolist():
             self._paint(row, *pieces[row].tolist())
@@ -238,11 +253,12 @@ class RowView:
         That part reaches from `inside_east` pieces before the eastern end to `inside_west` pieces
         after the western one.
         """
-        pieces = np.arange(CHUNKS)
+        pieces = np.arange(PIECES)
         from_west = pieces < west
-        from_east = pieces >= CHUNKS - east
-        inside = (pieces < inside_west) & (pieces >= CHUNKS - inside_east)
+        from_east = pieces >= PIECES - east
+        inside = (pieces < inside_west) & (pieces >= PIECES - inside_east)
         picked = from_west | from_east | inside
+        # A colour for each piece, and then for each of its four corners.
         colours = np.where(picked[:, None], palette.ROW_PICKED, palette.ROW_RIPE).astype(np.uint8)
         self.columns.add(
             f"world/rows/{self._names[row]}", rr.Mesh3D, vertex_colors=np.repeat(colours, 4, axis=0)
@@ -257,9 +273,9 @@ class RowView:
 def _strip(lane: Lane) -> tuple[np.ndarray, np.ndarray]:
     """Return the mesh of a row's ground: four corners of each piece, m, and its triangles.
 
-    Shapes (4 * CHUNKS, 3) float32 and (2 * CHUNKS, 3) uint32, indices of corners.
+    Shapes (4 * PIECES, 3) float32 and (2 * PIECES, 3) uint32, indices of corners.
     """
-    edges = np.linspace(lane.west, lane.east, CHUNKS + 1)
+    edges = np.linspace(lane.west, lane.east, PIECES + 1)
     half = lane.width / 2 - BARE
     south = lane.y - half
     north = lane.y + half
@@ -267,20 +283,22 @@ def _strip(lane: Lane) -> tuple[np.ndarray, np.ndarray]:
     for west, east in pairwise(edges):
         corners += [(west, south), (east, south), (east, north), (west, north)]
     on_ground = np.column_stack([np.array(corners), np.full(len(corners), ROW_Z)])
-    triangles = (4 * np.arange(CHUNKS)[:, None] + np.array([0, 1, 2, 0, 2, 3])).reshape(-1, 3)
+    # Two triangles of each piece, which share the corners 0 and 2.
+    triangles = (4 * np.arange(PIECES)[:, None] + np.array([0, 1, 2, 0, 2, 3])).reshape(-1, 3)
     return on_ground.astype(np.float32), triangles.astype(np.uint32)
 
 
 def _fruit(lane: Lane) -> np.ndarray:
-    """Return where a lane's fruit hangs, (CHUNKS, FRUIT_IN_A_CHUNK, 3), m.
+    """Return where a lane's fruit hangs, (PIECES, FRUIT_PER_PIECE, 3), m.
 
-    It is the same every time.
+    It is the same every time, because the number of the lane is the seed.
     """
     draw = np.random.default_rng(lane.number)
-    shape = (CHUNKS, FRUIT_IN_A_CHUNK)
-    chunk_length = lane.length / CHUNKS
-    west = lane.west + chunk_length * np.arange(CHUNKS)[:, None]
-    x = west + chunk_length * draw.random(shape)
+    shape = (PIECES, FRUIT_PER_PIECE)
+    piece_length = lane.length / PIECES
+    west = lane.west + piece_length * np.arange(PIECES)[:, None]
+    x = west + piece_length * draw.random(shape)
+    # No fruit within 40 cm of a line of trees.
     y = lane.y + (lane.width - 0.8) * (draw.random(shape) - 0.5)
     z = FRUIT_Z + 0.12 * draw.random(shape)
     return np.stack([x, y, z], axis=2).astype(np.float32)

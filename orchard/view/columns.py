@@ -1,5 +1,9 @@
 """What changes in a recording, gathered by entity: a row that is sent alone costs as much as a
 hundred that are sent together.
+
+Rerun's words: an entity, such as a body, has a path. An archetype, such as `rr.Points3D`, is what
+it is drawn as, and has components, such as positions and colours. A row gives some components of an
+entity their values at a time.
 """
 
 from collections.abc import Sequence
@@ -27,6 +31,8 @@ class Columns:
     def add(self, path: str, archetype: Any, tick: int | None = None, /, **values: Any) -> None:
         """Add a row to an entity: components of an archetype, or of `rr.AnyValues`, each a list or
         an array of its instances.
+
+        `tick`: None is the present one. The slash leaves all names free for components.
         """
         if tick is None:
             tick = self.tick

@@ -18,7 +18,7 @@ from orchard.field.scenario import TIME_STEP
 FOCUS = "focus"
 # s for which the camera stays with a robot
 DWELL = 20.0
-# s in which it comes nearer to its robot by two thirds
+# s in which it comes nearer to its robot by two thirds, 1 - 1/e
 GLIDE = 3.0
 # m: it cuts to a robot that is further away, and shows no empty ground on the way.
 CUT = 20.0

@@ -1,5 +1,6 @@
 """The load-out in the recording: trailers that leave the bay and come back, or the bins that wait
-there for a truck. They stand north of the fence, where no robot is.
+there for a truck. They stand north of the fence, where no robot is. An orchard has one of them or
+none.
 """
 
 import numpy as np
@@ -38,15 +39,18 @@ class LoadOutView:
         self._columns = columns
         self._west = layout.bay.west
         self._south = layout.top
+        # Trailers, and the bins that one can have.
         self._count = load_out.trailers.count or 0
         self._most = load_out.trailers.bins or 1
+        # Bins that belong to the bay, empty or full; 0 without a truck.
         self._bins = 0
         if load_out.has_truck:
             self._bins = load_out.empty_bins or 0
-        # Of each trailer, as last told, the bins on it at the bay and the tick of its return.
+        # Of each trailer, from the newest frame with trailers: bins on it, tick of its return.
         self._known = np.zeros((self._count, 2), dtype=np.int64)
         # Of each trailer the bins on it as last shown, AWAY while it is away; None: not shown yet.
         self._shown: list[int | None] = [None] * self._count
+        # Full bins that wait, as last shown; -1: not shown yet.
         self._waiting = -1
         look = rr.Boxes3D.from_fields(fill_mode="solid")
         for number in range(self._count):
@@ -55,7 +59,11 @@ class LoadOutView:
             columns.rec.log("world/load_out/bins", look, static=True)
 
     def trailers(self, tick: int, trailers: np.ndarray | None) -> None:
-        """Add the trailers that changed. `trailers`: (t, 3) as in `World`; None: as before."""
+        """Add the trailers that changed.
+
+        `trailers`: (t, 3) as in `World`, of which the first two columns are the bins on a trailer
+        and the tick of its return. None: as before.
+        """
         if trailers is not None:
             self._known = trailers[: self._count, :2]
         for number, (bins, back) in enumerate(self._known.tolist()):
@@ -94,7 +102,10 @@ class LoadOutView:
         )
 
     def bins(self, waiting: int) -> None:
-        """Add the bins that belong to the bay, if `waiting` of them, which are full, changed."""
+        """Add the bins that belong to the bay, if another number of them is full.
+
+        `waiting`: how many are full, and wait for the truck. They stand before the empty ones.
+        """
         if not self._bins or waiting == self._waiting:
             return
         self._waiting = waiting

@@ -12,7 +12,7 @@ from orchard.view import palette
 from orchard.view.columns import Columns
 from orchard.view.scenery import MARGIN, plan_size
 
-# Interval at which the names follow the robots.
+# Ticks after which the names follow the robots.
 RENEWED_TICKS = 5
 # z of the names of robots, and of the numbers of rows, m: both above the crowns of the plan.
 NAME_Z = 4.4
@@ -30,15 +30,15 @@ DROP = 3.0 + HEIGHT / 2  # Rerun writes a name with its middle so far below its 
 PIN = 6.0  # Radius of a pin.
 GAP = 2.0  # Between a pin and its name.
 
-# What speaks against a place: each name or pin that it covers, that the name is elsewhere now, and
-# its rank in PLACES, of which the first has rank 0.
+# What speaks against a place, in points, which are added up: each name or pin that it covers, that
+# the name is elsewhere now, and its rank in PLACES, of which the first has rank 0.
 COVERS_NAME = 10.0
 COVERS_PIN = 3.0
 MOVES = 0.5
 RANK = 0.1
 
-# Places of a name's middle, in halves of its size and its pin's: below its pin, above, on its
-# right, on its left, in the corners, further
+# Places of a name's middle, x and y from its pin: below the pin, above, on its right, on its left,
+# in the corners; then the same further away. At 1 the name touches the pin, but for GAP.
 BESIDE = [(0, -1), (0, 1), (1, 0), (-1, 0), *product((1, -1), (-1, 1))]
 PLACES = np.array(
     [*BESIDE, (0, -2.5), (0, 2.5), (2.2, 0), (-2.2, 0), *product((2.2, -2.2), (-2.5, 2.5))], float
@@ -71,7 +71,7 @@ class NameView:
         self._halves = np.array([self._half(label) for label in self._labels])
         # The place of each name, an index of PLACES, (r,).
         self._places = np.zeros(len(robots), int)
-        # The pins as they were named last, (r, 2) m.
+        # Where the pins were when names were last shown, (r, 2) m.
         self._shown = np.full((len(robots), 2), np.nan)
         self._rows = self._log_rows(layout)
         look = rr.Points3D.from_fields(radii=[0.01], colors=[palette.ROAD_EDGE], show_labels=True)
@@ -115,19 +115,25 @@ class NameView:
         self.columns.add("plan/names", rr.Points3D, positions=points, labels=labels)
 
     def _arrange(self, pins: np.ndarray) -> tuple[list[str], np.ndarray]:
-        """Return the names that cover no other one, and their middles, (k, 2) m.
+        """Return the names that cover no other name, and their middles, (k, 2) m.
 
-        `pins`: (r, 2) m, one for each robot.
+        `pins`: (r, 2) m, one for each robot. First each name takes the place that is best for it
+        alone. Then, in the order of the robots, a name that covers an earlier one, or the number of
+        a row, takes the best of the places that are left; if there is none, it is left out.
         """
         # The p possible middles of each name, (r, p, 2).
         spots = pins[:, None] + PLACES * (self._halves + (PIN + GAP) * self.scale)[:, None]
         costs = self._costs(spots, pins)
         # Where each name would be if there were no other names. The costs know where it was before.
         self._places = costs.argmin(axis=1)
+        # That place of each name, (r, 1, 2).
         best = spots[np.arange(len(pins)), self._places, None]
+        # The boxes that are taken, (rows + r, 4): those of the row numbers, then those of the
+        # names.
         first = len(self._rows)
         taken = np.vstack([self._rows, np.column_stack([best[:, 0], self._halves])])
-        # Only a name before it, or a row, can push a name away.
+        # Only a name before it, or a row, can push a name away: of the name with number k the boxes
+        # up to first + k - 1 count.
         covers_earlier = np.tril(_covers(best, self._halves, taken)[:, 0], first - 1)
         collides = np.any(covers_earlier, axis=1)
         for robot, half in enumerate(self._halves):
@@ -138,8 +144,9 @@ class NameView:
             self._places[robot] = place
             taken[first + robot, :2] = spots[robot, place]
             if covered_count[place]:
-                # A name without room is left out.
+                # A name without room is left out: a box at NaN covers nothing.
                 taken[first + robot, :2] = np.nan
+            # In its new place it may push away names after it.
             collides |= _covers(best, self._halves, taken[[first + robot]])[:, 0, 0]
         is_shown = ~np.isnan(taken[first:, 0])
         return list(compress(self._labels, is_shown)), taken[first:, :2][is_shown]
@@ -159,7 +166,8 @@ class NameView:
 def _covers(spots: np.ndarray, halves: np.ndarray, boxes: np.ndarray) -> np.ndarray:
     """Return which boxes each name covers at its possible middles, (..., p, b).
 
-    `spots`: the middles, (..., p, 2). `halves`: half sizes, (..., 2). `boxes`: (b, 4).
+    `spots`: the middles, (..., p, 2). `halves`: half sizes, (..., 2). `boxes`: (b, 4), the middle's
+    x and y, half width and half height. All in metres.
     """
     spots = spots[..., None, :]
     halves = halves[..., None, None, :]

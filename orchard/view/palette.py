@@ -62,7 +62,7 @@ def plain(word: str) -> str:
     return word.lower().replace(" ", "").replace("_", "")
 
 
-# Of the laser hits of a kind.
+# Kind of body -> colour of what its laser hits.
 SCANS: dict[str, Colour] = {
     "picker": (255, 0, 200),
     "carrier": (0, 150, 255),

@@ -1,5 +1,8 @@
 """Reads what the parts of a recording contain and lack, and the end of a file if its writer was
 killed.
+
+A recording has one file, or several, its parts: the first is NAME.rrd, the next one NAME.part2.rrd.
+A logger that is started again during a run begins a new part.
 """
 
 import logging
@@ -16,10 +19,11 @@ from typing import Any, NamedTuple
 from rerun.chunk import Chunk, RrdReader
 
 from orchard.field.scenario import TIME_STEP
+from orchard.view.columns import TIMELINE
 from orchard.view.files import QUIET, packing, part, parts_of, viewer_program
 from orchard.view.palette import Colour
 
-# Entities of a recording. The first one has a value at the last tick of a part.
+# Entities of a recording. POSES has a value at the last tick of a part.
 POSES = "/tf"
 # What a part lacks.
 MISSING = "recording/missing"
@@ -38,7 +42,7 @@ WORDS = "StateConfiguration:values"
 COLOURS = "StateConfiguration:colors"
 # Component of MISSING, at the end of a gap: the last tick before it.
 SINCE = "since"
-# Component of MISSING: how many frames were left out since it was last told.
+# Component of MISSING: how many frames were left out since the last value of this component.
 LEFT_OUT = "left_out"
 log = logging.getLogger("orchard")
 
@@ -78,6 +82,7 @@ def before(path: Path, run: str) -> Before:
     A part without a readable frame, or of another run, is overwritten.
     """
     earlier = Before(path, 0, {})
+    # `number`: of the part after the one that is read.
     for number in count(2):
         current = read_part(earlier.file)
         if current is None or current.run != run or not current.last:
@@ -143,8 +148,9 @@ def _why(error: subprocess.SubprocessError) -> str:
 
 
 def missing(path: Path, ticks: int) -> dict[str, Any]:
-    """Return the summary's entries for the recording of so many ticks: parts, gaps (s), frames left
-    out.
+    """Return the entries of a run's summary on its recording: parts, gaps (s), frames left out.
+
+    `ticks`: of the run. What the recording lacks at its end is a gap too.
     """
     parts = []
     gaps: list[tuple[int, int]] = []
@@ -177,6 +183,7 @@ def _read(path: Path) -> RecordingPart:
     gaps: list[tuple[int, int]] = []
     colours: dict[str, dict[str, Colour]] = {}
     with warnings.catch_warnings():
+        # For a torn file Rerun's reader only warns.
         warnings.simplefilter("error")
         reader = RrdReader(path)
         for chunk in reader.stream().filter(content=[f"+ {POSES}", f"+ /{MISSING}", "+ /world/**"]):
@@ -193,7 +200,7 @@ def _read(path: Path) -> RecordingPart:
 
 def ticks_of(chunk: Chunk) -> list[int]:
     """Return the tick of each row of a chunk."""
-    nanoseconds = chunk.to_record_batch()["sim_time"].cast("int64").to_pylist()
+    nanoseconds = chunk.to_record_batch()[TIMELINE].cast("int64").to_pylist()
     return [round(time / 1e9 / TIME_STEP) for time in nanoseconds]
 
 
@@ -206,8 +213,9 @@ def column(chunk: Chunk, name: str) -> list[Any]:
 
 
 def _values(chunk: Chunk, name: str) -> list[tuple[int, int]]:
-    """Return the values of a component of one number, each with its tick."""
+    """Return the values of a component of one number, each with its tick; none without it."""
     values = []
+    # A chunk without the component has ticks, but no values.
     for value, tick in zip(column(chunk, name), ticks_of(chunk), strict=False):
         if value:
             values.append((int(value[0]), tick))

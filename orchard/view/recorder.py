@@ -32,10 +32,10 @@ from orchard.view.talk import Talk, gathered, level_of, line_of
 CHUNK_TICKS = 10
 # Ticks of a chunk, at most, while more frames wait: a few large chunks cost less than many.
 MOST_TICKS = 250
-# s to wait for the end of the file, at most: a program that an own agent has started may hold the
-# pipe.
+# s to wait for the end of the file, at most: a program that a user's own agent has started may keep
+# the pipe to the file open.
 END_SECONDS = 30.0
-# Sweeps that are sent together if there is no live server: a third less to write.
+# Sweeps of a laser that are sent together if there is no live server: a third less to write.
 SCANS = 10
 # Of this many beams one is recorded.
 SCAN_BEAMS = 2
@@ -100,7 +100,7 @@ class Recorder:
         self.talk = Talk(columns, layout)
         self.names = NameView(columns, layout)
         self.focus = Focus(layout)
-        # The number of frames that come at once.
+        # How many frames wait to be recorded. The logger puts the length of its queue here.
         self.waiting: Callable[[], int] = lambda: 0
         self._frames = [*layout.names, FOCUS]
         self._lengths = np.array([lane.length for lane in layout.lanes])  # m, of the rows
@@ -110,7 +110,7 @@ class Recorder:
         self._scans: list[tuple[int, Sequence[np.ndarray | None]]] = []
         # Velocities of each body, as they were recorded last.
         self._velocities: dict[str, Velocities] = {}
-        # The poses that were sent last.
+        # The poses that were sent last. NaN is unlike any pose, so the first ones are all sent.
         self._last = np.full((len(self._frames), 3), np.nan)
         self._doing: dict[str, tuple[str, State]] = {}
         self._gauges: dict[str, float] = {}
@@ -140,7 +140,8 @@ class Recorder:
     def tick(self, frame: Frame) -> None:
         """Record one frame.
 
-        Frames come in order; ticks may be left out. With one of tick 1 the start is recorded too.
+        Frames come in order; ticks may be left out. With the frame of tick 1 the start, tick 0, is
+        recorded too, for which physics publishes no frame.
         """
         if frame.tick == 1 and self._second < 0:
             starts = np.array([start.pose for start in self.layout.starts])
@@ -177,7 +178,8 @@ class Recorder:
         if not self.waiting() or frame.tick - self._sent >= MOST_TICKS:
             self._send()
             if not self.uri:
-                # Into the file, 0.3 ms: a kill loses what waits, and at most one second more.
+                # Writes into the file, in 0.3 ms. So a kill loses the frames that wait, and at most
+                # one second more.
                 self.rec.flush()
 
     def gap(self, since: int, until: int, why: str) -> None:
@@ -234,6 +236,7 @@ class Recorder:
         """Send the poses that have changed, each with its tick."""
         if not self._poses:
             return
+        # Shapes (k,), (k, n, 3) and (k, 3): k ticks, n bodies.
         ticks, bodies, focus = map(np.array, zip(*self._poses, strict=True))
         poses = np.concatenate([bodies, focus[:, None]], axis=1)
         before = np.concatenate([self._last[None], poses[:-1]])
@@ -367,6 +370,7 @@ class Recorder:
         """Return how many rows are picked, and bins full, if the frame says so: path -> value."""
         gauges = {}
         if frame.row_ends is not None:
+            # From the western and from the eastern end. A row is done when these meet.
             metres_picked = frame.row_ends[:, :2].sum(axis=1)
             is_picked = metres_picked >= self._lengths - FULL_WITHIN
             gauges["metrics/bins/rows_picked"] = float(is_picked.sum())
@@ -394,7 +398,11 @@ def hits(sweeps: np.ndarray, laser: Laser, every: int) -> tuple[np.ndarray, np.n
 
 
 def _transforms(poses: np.ndarray, frames: list[str]) -> rr.ComponentColumnList:
-    """Return poses, (m, 3), as transforms from the frames of bodies, m names, to the map."""
+    """Return poses, (m, 3), as transforms from the frames of bodies, m names, to the map.
+
+    A pose is x, y (metres) and yaw (rad). `child_frame`: what ROS calls the frame of a body.
+    """
+    # The quaternion of a turn about z has the half angle.
     half = poses[:, 2] / 2
     zero = np.zeros(len(poses))
     return rr.Transform3D.columns(

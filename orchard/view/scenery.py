@@ -5,6 +5,8 @@ Shapes are models, which are GLB files for any 3-D program (as Blender), or batc
 discs in the sizes that the orchard gives. A body's model stands with the middle of its base at the
 origin, x ahead, z up, and fills the length, width and height of its kind; a hat may rise above
 them. The colours, sRGB, are those of its vertices.
+
+What no robot touches, such as the sizes of crowns, shades and wires, was chosen by eye.
 """
 
 import math
@@ -151,6 +153,7 @@ def _instances(
     """
     x, y, width = np.array(at, dtype=np.float32).T
     zero = np.zeros_like(x)
+    # 0 or 1: a quaternion of (0, 0, 1, 0) is half a turn about z, (0, 0, 0, 1) none.
     turned = np.arange(len(x)) // 3 % 2
     places = rr.InstancePoses3D(
         translations=np.stack([x, y, zero], axis=1),
@@ -189,7 +192,9 @@ def _below_trees(line: TreeLine) -> Part:
 
 def _roads(layout: Layout) -> list[Part]:
     """Return the roads around the rows: in the east, west, south and north."""
-    # Rows of the usual length lie between x = -35.5 and x = 34.5.
+    # Rows of the usual length lie between x = -35.5 and x = 34.5; longer ones reach further east,
+    # by `layout.shift`. A road begins 1 m beyond them in the west, 2 m in the east, and 3.5 m
+    # beyond the outer lines of trees in the south and north.
     inner_west = -36.5
     inner_east = 36.5 + layout.shift
     outer_east = 42.5 + layout.shift
@@ -356,6 +361,7 @@ def _camera(rec: rr.RecordingStream, layout: Layout) -> None:
     height, width = plan_size(layout)
     scale = FOCAL / CAMERA_UP
     middle = (layout.shift / 2, (layout.top + layout.bottom) / 2, CAMERA_UP)
+    # Half a turn about x: the camera looks down, and north is above.
     about = rr.Quaternion(xyzw=(1.0, 0.0, 0.0, 0.0))
     down = rr.Transform3D(
         translation=middle, quaternion=about, child_frame="plan_eye", parent_frame=WORLD_FRAME

@@ -17,13 +17,13 @@ from orchard.view.columns import Columns
 
 # Arcs at once. Those to carriers that are sent count more than those to carriers that are asked.
 MOST_ARCS = 40
-# Interval at which the arcs follow the robots.
+# Ticks after which the arcs follow the robots.
 RENEWED_TICKS = 5
 # A message that is repeated within this time is not news.
 REPEAT_TICKS = 300
 # Names in one line of the log.
 MOST_NAMES = 3
-# Messages that are remembered, to find repeats.
+# Messages that are remembered, to find repeats. Beyond that all are forgotten.
 MOST_REMEMBERED = 10_000
 # Points of the line that draws an arc.
 ARC_POINTS = 9

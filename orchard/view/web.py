@@ -87,7 +87,7 @@ def how_to_open(words: str, port: int, source: str) -> list[str]:
     it.
     """
     lines = [f"{words}: {page_url(port, source)}"]
-    # Client, its port, server, its port.
+    # ssh sets it to four words: the client's address, its port, the server's address, its port.
     connection = os.environ.get("SSH_CONNECTION", "").split()
     if len(connection) > 2:
         server = connection[2]
@@ -202,7 +202,10 @@ def main() -> None:
 
 
 def _end_with_input(viewer: int) -> NoReturn:
-    """Wait until the viewer ends, or the standard input does; then end the viewer, and this."""
+    """Wait until the viewer ends, or the standard input does; then end the viewer, and this.
+
+    `viewer`: id of the process. It is this process's parent as long as it runs.
+    """
     while os.getppid() == viewer:
         ended, _, _ = select.select([sys.stdin], [], [], LOOK_SECONDS)
         if ended:

@@ -1,5 +1,8 @@
-"""A command `orchard` of the page: its lines are read as they come, and it is asked to stop as by
-Ctrl-C.
+"""A command `orchard` that the page starts: its lines are read as they come, and it is asked to
+stop as by Ctrl-C.
+
+`HarvestCommand` (harvest_run.py) and `StudyRun` (study_run.py) are the two kinds of it. Of each
+kind one goes on at a time (`Latest`), and all pages show it.
 """
 
 import contextlib
@@ -56,7 +59,7 @@ STATE_COLOURS = {
 class Files:
     """The files of a command: in one folder, under one name.
 
-    `views`: those of the page's picture.
+    `views`: the blueprint of Rerun with the views of the page's picture.
     """
 
     def __init__(self, folder: Path, name: str) -> None:
@@ -98,6 +101,7 @@ class PageCommand:
         self.files = files
         self.output = PrintedLines(0, ())
         self.asked_to_stop = False
+        # Whether a traceback has begun, which is not shown.
         self._is_hushed = False
         files.scenario.write_text(to_yaml(scenario))
         self._process = _open(line, files.folder)
@@ -137,6 +141,7 @@ class PageCommand:
             return None
 
     def _listen(self) -> None:
+        """Read what the command prints until it ends, and then what it has left. In a thread."""
         assert self._process.stdout is not None
         with self._process:
             for line in self._process.stdout:
@@ -202,7 +207,10 @@ class PageCommand:
         return self._process.returncode is not None
 
     def close(self) -> None:
-        """Stop the command, and wait until all that it has left is read."""
+        """Stop the command, and wait until all that it has left is read.
+
+        That takes PATIENCE and a little more at most: then the command has been killed.
+        """
         self.stop()
         self._listener.join(PATIENCE + 2.0)
 

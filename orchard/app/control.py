@@ -1,4 +1,9 @@
-"""A control of the form: a labelled value, its limits, and what is wrong with it."""
+"""A control of the form: a labelled value, its limits, and what is wrong with it.
+
+An entry (entries.py) is a value of the scenario that a user can set; a control shows it, and enters
+what the user types into a draft (draft.py). An entry may be left to the program: such a control has
+a box to tick, "automatic", and shows the number that the program has chosen.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -183,11 +188,15 @@ class Control:
     def _entered(self) -> None:
         """Show what follows, and take what the user has entered into the draft."""
         typed = self._value.value
-        value: Any = bool(typed) if self.entry.kind is bool else typed or ""
+        # An empty field holds None, and stands for an empty text.
+        value: Any = typed or ""
+        if self.entry.kind is bool:
+            value = bool(typed)
         if self._slider is not None:
             self._move_slider(self._slider, value)
         if self._is_program_writing:
             return
+        # Only such an entry needs its number here; the draft reads all other texts by itself.
         if self.entry.path in MEASURES:
             value = self.entry.from_page(number_of(value))
         self._draft.enter({self.entry.path: None if self._is_automatic else value})

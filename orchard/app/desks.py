@@ -46,7 +46,7 @@ class Desks:
     def keep(self, browser: str, desk: Desk) -> None:
         """Keep the desk of a browser that shows the page.
 
-        Beyond MOST, the one away longest is dropped.
+        Beyond MOST, the desk whose browser has not shown the page for longest is dropped.
         """
         self._kept.setdefault(browser, desk)
         self._kept.move_to_end(browser)

@@ -1,4 +1,8 @@
-"""What a user has entered: the values of a scenario, and what is wrong with each."""
+"""What a user has entered: the values of a scenario, and what is wrong with each.
+
+A path names a value in the scenario file, as `picking.spread.cv`. Own classes are agents, policies
+and rules of the user's own code, which a scenario file may name.
+"""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -56,7 +60,7 @@ class Draft:
 
     def take(self, scenario: Scenario) -> None:
         """Replace all that is entered by the values of a scenario, and take its own classes."""
-        # The base has what is not entered: the user's own classes and the survey.
+        # It has what is not entered on the page: the user's own classes and the survey.
         self._base = scenario
         self.values = flat(scenario)
         self._check()
@@ -200,7 +204,8 @@ class Draft:
         is_of_survey = self._base.survey is not None and problem.path in MEASURES
         if is_of_survey:
             return f"{entry.label}: is as surveyed, and cannot be changed here"
-        # The description is that of the form, and needs no second place.
+        # A message about limits ends with the description of the value in brackets. The form shows
+        # the description already, so its own words for the limits are enough.
         is_about_limits = problem.text.endswith(")")
         text = entry.wanted if entry.wanted and is_about_limits else problem.text
         return f"{entry.label}: {_by_labels(text, paths)}"
@@ -237,6 +242,7 @@ def _by_labels(text: str, paths: Sequence[str]) -> str:
     """
     for path in sorted(entries(), key=len, reverse=True):
         name = path.rpartition(".")[2]
+        # Another key of one word, such as `rows`, may be a word of the sentence.
         is_key = "_" in name or name in SHORT_KEYS
         if is_key and (path == name or path in paths):
             text = re.sub(rf"\b{name}\b", f"“{label_of(path)}”", text)

@@ -1,4 +1,7 @@
-"""The entries of the form: a value of a scenario each, with its label, its limits and its words."""
+"""The entries of the form: a value of a scenario each, with its label, its limits and its words.
+
+They follow from the fields of `Scenario`: so a new value of a scenario has its control by itself.
+"""
 
 import re
 from collections.abc import Callable
@@ -138,7 +141,8 @@ class Entry:
         """The name on the page, such as 'Row width' or 'Laser noise'."""
         if self.path in LABELS:
             return LABELS[self.path]
-        *_, section, name = ["", *self.path.split(".")]
+        before, _, name = self.path.rpartition(".")
+        section = before.rpartition(".")[2]
         words = name.replace("_", " ")
         if section in NEEDED:
             words = f"{section} {words}"
@@ -171,7 +175,12 @@ class Entry:
         power = 10.0 ** floor(log10(hundredth))
         # A hundredth may be a little more than a step, because of its last bits.
         least = hundredth * 0.999
-        return round(next(digit * power for digit in (1, 2, 5, 10) if digit * power >= least), 10)
+        step = 10 * power
+        for digit in (5, 2, 1):
+            if digit * power >= least:
+                step = digit * power
+        # Without the last bits of the product: 0.3, and not 0.30000000000000004.
+        return round(step, 10)
 
     @property
     def has_slider(self) -> bool:
@@ -288,6 +297,7 @@ def _entry_of(path: str, field: FieldInfo) -> Entry:
     """Return the entry for a value of the scenario."""
     kinds = _kinds_of(field)
     is_list = get_origin(field.annotation) is tuple
+    # pydantic keeps limits as objects of the classes Ge (greater or equal) and Le.
     limits = {type(limit).__name__: limit for limit in field.metadata}
     low = limits["Ge"].ge if "Ge" in limits else -inf
     high = limits["Le"].le if "Le" in limits else inf
@@ -304,6 +314,7 @@ def _entry_of(path: str, field: FieldInfo) -> Entry:
         optional=type(None) in kinds,
         low=low,
         high=high,
+        # A field with choices names them as its examples.
         choices=tuple(map(str, field.examples or ())),
     )
 

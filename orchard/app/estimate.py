@@ -16,9 +16,11 @@ from orchard.study.words import counted, interval_words
 
 # Harvests of one scenario, at most.
 MOST_HARVESTS = 40
-# Harvests, at least, and what may be unsure then, as a share of the mean.
+# After so many harvests the estimate is done if half of the interval of the mean is at most SURE of
+# the mean.
 FEWEST_HARVESTS = 4
 SURE = 0.005
+# Of that interval.
 CONFIDENCE = 0.95
 # Between two looks whether there is more to estimate, s.
 LOOK_SECONDS = 0.1
@@ -36,6 +38,7 @@ class FastHarvest:
 def harvest(scenario: Scenario, number: int) -> FastHarvest:
     """Do a harvest of the event model. `number`: of the harvest, from 0; each has its own seed."""
     try:
+        # The seeds after that of the scenario. A seed is less than 2**63.
         layout = lay_out(with_changes(scenario, seed=(scenario.seed + number) % 2**63))
         figures = DiscreteHarvest(layout).run().figures()
     except (Jam, PolicyFault, ScenarioError, ValueError, NotImplementedError) as error:

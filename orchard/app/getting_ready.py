@@ -10,6 +10,7 @@ def getting_ready_words(lines: Sequence[str], compiled: int) -> str:
 
     `lines`: that it has printed. `compiled`: number of parts that are compiled by now.
     """
+    # One part if both are the same line, and none without a line.
     parts = [*dict.fromkeys([*lines[:1], *lines[-1:]])]
     if any(COMPILING in line for line in lines):
         parts.append(f"{compiled} parts are compiled")
@@ -23,4 +24,5 @@ def compiled_count() -> int:
     folder = kernels_folder()
     if folder is None:
         return 0
+    # numba keeps each compiled function in a file .nbc.
     return sum(1 for _ in folder.rglob("*.nbc"))

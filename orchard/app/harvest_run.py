@@ -89,6 +89,8 @@ def command(
 
     The live picture is at `web_port`, its data at the next port.
     """
+    # -u: each line comes at once. -P: a file in the working directory does not stand in for a
+    # module.
     line = [sys.executable, "-u", "-P", "-m", "orchard"]
     if fork is None:
         line.append(str(files.scenario))
@@ -141,6 +143,7 @@ class HarvestCommand(PageCommand):
         carriers_busy_seconds = (
             now.carrier_utilisation * now.sim_seconds * self.scenario.carrier_count
         )
+        # In the order of SAMPLED.
         sample = (
             now.sim_seconds,
             now.bins_delivered,
@@ -152,6 +155,7 @@ class HarvestCommand(PageCommand):
 
     def finish(self) -> None:
         """Read the summary and serve the recording. Both are ready before the run is over."""
+        # `Record` checks the figures that the page needs. All others are shown as they are.
         record = self.read(self.files.summary, Record)
         if record is not None:
             self.headline = record

@@ -37,12 +37,14 @@ def from_elsewhere(classes: dict[str, str], folder: Path) -> list[str]:
 def _is_in(path: str, folder: Path) -> bool:
     """Whether Python finds the module of a class in this folder itself.
 
-    Modules of a folder inside that is itself on the path, as that of .venv, do not count. The
-    module is not run.
+    A module in a folder below, such as a package that is installed in .venv, does not count if that
+    folder is itself on Python's path. The module is not run.
+
+    `path`: of a class, as `module:Class` or `module.Class`.
     """
     module = path.partition(":")[0] if ":" in path else path.rpartition(".")[0]
     parts = module.split(".")
-    # An import looks in the folder too, after all else: `orchard.field.plugins`.
+    # `orchard.field.plugins`, which imports the class, looks in the folder after all else.
     first = PathFinder.find_spec(parts[0], [*sys.path, str(folder)])
     if first is None:
         return False
@@ -50,7 +52,8 @@ def _is_in(path: str, folder: Path) -> bool:
     if package_folders is None:
         location = Path(first.origin or "")
     else:
-        location = Path(next(iter(package_folders)))
+        package_folder, *_ = package_folders
+        location = Path(package_folder)
     inside = folder.joinpath(*parts)
     is_module = inside.with_name(f"{inside.name}.py").is_file()
     is_package = (inside / "__init__.py").is_file()

@@ -88,9 +88,11 @@ class PastRun:
         history = self.record.history
         count = sum(at <= seconds for at in history["seconds"])
         sample = {name: values[count - 1] if count else 0.0 for name, values in history.items()}
-        picker_seconds = max(seconds, TIME_STEP) * self.scenario.pickers
-        carrier_seconds = max(seconds, TIME_STEP) * self.scenario.carrier_count
-        bins_per_hour = 3600.0 * sample["bins_delivered"] / max(seconds, TIME_STEP)
+        # A run that ended at its begin has figures too, those of one tick.
+        elapsed = max(seconds, TIME_STEP)
+        picker_seconds = elapsed * self.scenario.pickers
+        carrier_seconds = elapsed * self.scenario.carrier_count
+        bins_per_hour = 3600.0 * sample["bins_delivered"] / elapsed
         waiting = sample["pickers_waited_seconds"] / picker_seconds
         busy = sample["carriers_busy_seconds"] / carrier_seconds
         return {
@@ -121,6 +123,7 @@ def past_runs(folder: Path) -> tuple[list[PastRun], list[str]]:
     """
     runs: list[PastRun] = []
     faults: list[str] = []
+    # The summaries of studies have names of their own.
     for path in sorted(set(folder.glob("*.json")) - set(folder.glob("study-*.json"))):
         try:
             runs.append(_past_run(path))

@@ -51,7 +51,7 @@ def figures(layout: Layout, limit: Bounds) -> list[Figure]:
 
 def _limit_figure(layout: Layout, limit: Bounds) -> Figure:
     meaning = "what this policy allows in a long harvest without traffic"
-    # Each seed draws other rows then.
+    # With a spread each seed draws other times for the rows.
     picking = layout.scenario.picking
     if {picking.spread.distribution, picking.spread_of_pickers.distribution} != {"none"}:
         meaning += ", in rows that take their mean times"
@@ -142,6 +142,7 @@ class FiguresView:
                 with ui.element("div").classes(style):
                     ui.label(name).classes("bar-name")
                     with ui.element("div").classes("bar-track"):
+                        # At least 1 %, so that a bar is seen.
                         percent = max(1.0, 100 * rate / most)
                         ui.element("div").classes("bar-fill").style(f"width:{percent:.1f}%")
                     ui.label(f"{3600.0 * rate:.1f}").classes("bar-value")

@@ -1,4 +1,4 @@
-"""The controls above the stage: how a run is to go."""
+"""The controls in the card "The run": how a run is to go."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -75,6 +75,7 @@ class StudyView:
             self._picture.props("data-view=study-picture")
             self._table = ui.element("div").classes("summary sides").props("data-view=study-table")
             self._report = button("Save the report", self._download, "study-report", "download")
+            # The buttons lock the fields, so these were made before them. Their place is here.
             more = ui.expansion("Compare policies and routes, too").classes("experts")
             self._fields.move(more.props("data-view=study-more"))
             with self._fields:

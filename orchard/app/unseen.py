@@ -21,7 +21,8 @@ class UnseenPages:
     def add(self, client: Client) -> None:
         """Count a page that is being built."""
         while len(self._clients) >= MOST:
-            oldest = next(iter(self._clients))
+            # A dict keeps its keys in the order in which they came.
+            oldest, *_ = self._clients
             self._clients.pop(oldest).delete()
         self._clients[client.id] = client
         client.on_connect(self._forget)

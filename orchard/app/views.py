@@ -89,6 +89,7 @@ def _progress(headline: Headline, state: RunState) -> str:
         f"{share_picked(headline.metres_picked, all_metres)} picked",
         f"bins delivered {headline.bins_delivered}/{headline.bins}",
     ]
+    # Infinite: nothing is left, or it is not known how much.
     seconds_left = math.inf if state.is_over else headline.seconds_left()
     if seconds_left < math.inf:
         parts.append(f"{clock(seconds_left)} left")
@@ -140,6 +141,7 @@ class PictureView:
         A new address would reload the viewer, so it is set once.
         """
         current = run, state.is_over
+        # Nothing changes any more once the recording of a run is in the frame.
         if not self.is_seen or self._shown == (run, True):
             return
         self._figures.show({"": run.course})
@@ -204,7 +206,8 @@ class SummaryView:
     def _add_what_if(self, run: HarvestCommand, summary: dict[str, Any]) -> None:
         """Add the time line of a run, from which a fork can go on."""
         snapshots = run.files.folder / f"{run.files.name}.snapshots"
-        what_if(snapshots, run.scenario, summary["history"], self._go_on, "this-")
+        # In the view "Runs" there may be a second time line, whose elements have other names.
+        what_if(snapshots, run.scenario, summary["history"], self._go_on, where="this-")
 
 
 def _show_result(run: HarvestCommand, state: RunState) -> None:

@@ -1,6 +1,7 @@
 """What if? The time line of a run that has ended.
 
-From a moment on, a fork of the run goes on with something changed.
+From a moment on, a fork of the run goes on with something changed. A fork begins from a keyframe: a
+snapshot that the run has kept in a folder beside its other files.
 """
 
 from collections.abc import Awaitable, Callable
@@ -98,6 +99,7 @@ def _time_line(kept: list[float], end: int, where: str) -> ui.slider:
 
     `where`: as for `what_if`.
     """
+    # Of so many moments one is named.
     step = 1 + len(kept) // MOMENTS
     labels = [{"value": seconds, "label": moment(seconds)} for seconds in kept[::step]]
     with ui.element("div").classes("moments"):

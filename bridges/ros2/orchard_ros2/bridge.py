@@ -1,6 +1,8 @@
 """The bridge, a ROS 2 node between a run of the Orchard and the programs of ROS.
 
-It publishes what the Orchard sends, and sends the Orchard what ROS wants of its robots.
+It publishes what the Orchard sends, and sends the Orchard what ROS wants of its robots. Of a driven
+robot the bridge is the agent: ROS alone gives its velocity. An advised robot has an agent of its
+own, which goes on with all but the velocity while ROS gives that. All other robots are only seen.
 
 Two threads. The executor's takes velocities and service calls. `listen` takes what the Orchard
 sends, in the order in which it comes. A service that asks the run has a thread of its own while it
@@ -137,11 +139,12 @@ class Bridge:
             )
 
     def _begin_at_tick_0(self) -> None:
+        """Begin if the run has not: physics waits at tick 0 for a velocity of each driven robot."""
         if self.tick == 0:
             self._begin()
 
     def _begin(self) -> None:
-        """Have all driven robots stand: then physics begins."""
+        """Send all driven robots a velocity of 0: physics waits for it before its first step."""
         for name in self._driven:
             self._stand(name, [])
 
@@ -207,7 +210,7 @@ class Bridge:
                     self.ended.set_result(why)
                     return
         except Exception as error:
-            # Else ROS has been shut down meanwhile, as by Ctrl-C.
+            # After Ctrl-C has shut ROS down, an error of a call to it says nothing.
             if self.node.context.ok():
                 self.ended.set_exception(error)
 
@@ -218,9 +221,9 @@ class Bridge:
         return self._physics.why_over
 
     def _check(self, heard: Heard) -> None:
-        """Hear a message. One that is not as it should be is told, and passed over.
+        """Hear a message. A malformed one is logged, and passed over.
 
-        In an open run any client may publish anything.
+        In an open run, one without certificates, any client may publish anything.
         """
         try:
             self._hear(heard)
@@ -231,10 +234,12 @@ class Bridge:
             )
 
     def _hear(self, heard: Heard) -> None:
+        """Do what a message asks for. Raises an error of `_check` for a malformed one."""
         match heard:
             case Heard(("alive", *token), {"up": up}):
                 self._hear_token("/".join(token), up)
             case Heard(_, {"run": run}) if run != self.run:
+                # It is of a run before this one, or of another one with the same keys.
                 pass
             case Heard((name, key), message) if key in self._views:
                 self._hear_of(name, key, message)
@@ -256,6 +261,7 @@ class Bridge:
         self._physics.note_token(token, is_up)
         if self._physics.is_up != was_up:
             self.log.info("physics is away" if was_up else "physics is back")
+        # After a reset by this bridge the control begins, once it has its answer.
         if self._physics.is_up and not self._control.is_resetting:
             self._begin_at_tick_0()
 

@@ -2,8 +2,9 @@
 
 What arrives waits in one queue, in the order in which it came.
 
-Of a tick there are tens of messages, and to wake a thread costs more than to handle one. So a
-message that is heard `quietly` waits for the next one that is not, as the clock, which comes last.
+A tick has tens of messages, and to wake a thread costs more than to handle a message. So a message
+that is heard `quietly` does not wake the reader. It waits for the next message that does, such as
+the clock, which comes last in a tick.
 """
 
 import ctypes
@@ -157,6 +158,7 @@ class Client:
             timeout=ASK_SECONDS,
             target=zenoh.QueryTarget.ALL,
         )
+        # The first reply; None if the query ends without one.
         reply = next(iter(replies), None)
         if reply is None:
             raise Refused(f"{self._prefix}/{key}: no reply: is the run under way?")

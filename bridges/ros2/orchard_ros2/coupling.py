@@ -90,7 +90,7 @@ class Coupling:
         return response
 
     def _finish(self, robot: str, why_not: str) -> None:
-        """End a couple or uncouple. `why_not`: '' if it is done."""
+        """End a coupling or uncoupling. `why_not`: '' if it is done."""
         _, future = self._under_way.pop(robot)
         future.set_result(why_not)
         self._services.wake()

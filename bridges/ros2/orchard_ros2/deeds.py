@@ -1,6 +1,8 @@
 """Coupling and uncoupling by a robot that ROS drives.
 
-Its velocity is 0, and its deed is sent until physics has done or refused it.
+A deed is what a robot does beside driving, as the Orchard's message `velocity` holds it: to couple a
+bin to its bar, or to uncouple it. Meanwhile the robot's velocity is 0. The deed is sent again until
+physics has done or refused it.
 """
 
 from collections.abc import Mapping
@@ -14,8 +16,9 @@ from orchard_ros2.wire import state_of
 #: The Orchard's message `pose`.
 Pose = Mapping[str, Any]
 
-# Ticks after which it is given up, 5 s of simulated time. A step ends a motion, and the next one
-# does the deed; the rest is for the network.
+TICKS_PER_SECOND = 10
+# Ticks after which a deed is given up, 5 s of simulated time. A step ends a motion, and the next
+# one does the deed; the rest is for the network.
 PATIENCE_TICKS = 50
 COUPLE = "couple"
 UNCOUPLE = "uncouple"
@@ -23,9 +26,9 @@ UNCOUPLE = "uncouple"
 
 @dataclass
 class Handling:
-    """A couple or uncouple that is under way.
+    """A coupling or uncoupling that is under way.
 
-    `action`: COUPLE or UNCOUPLE. `bin`: the one to couple; '' to uncouple. `began`: tick.
+    `action`: COUPLE or UNCOUPLE. `bin`: the bin to couple; '' to uncouple. `began`: tick.
     """
 
     robot: str
@@ -36,12 +39,13 @@ class Handling:
     def outcome(self, pose: Pose) -> str | None:
         """Return '' if it is done at this pose, why it is given up, or None if it goes on."""
         hitch = pose.get("hitch")
+        # The bin on the bar; '' for none, which is what an uncoupling wants.
         coupled_bin = hitch["name"] if hitch else ""
         if coupled_bin == self.bin:
             return ""
         if pose["tick"] - self.began > PATIENCE_TICKS:
             return (
-                f"{self.robot}: not done within {PATIENCE_TICKS / 10:g} s: a robot can"
+                f"{self.robot}: not done within {PATIENCE_TICKS / TICKS_PER_SECOND:g} s: a robot can"
                 f" {self.action} only while it and its bin stand"
             )
         return None
@@ -57,7 +61,7 @@ class Handling:
 
 
 def _moves(pose: Pose) -> bool:
-    """Whether a body has any velocity."""
+    """Whether a body has any velocity: the last three numbers of its state."""
     return any(state_of(pose)[4:])
 
 
@@ -68,8 +72,11 @@ def bin_behind(robot: str, tows: float, poses: Mapping[str, Pose]) -> str:
     name -> its newest pose.
     """
     x, y, z, w, *_ = state_of(poses[robot])
-    point_x = x - tows * (w * w - z * z)
-    point_y = y - tows * 2.0 * z * w
+    # z and w are sine and cosine of half the yaw, so these are cosine and sine of the yaw.
+    cosine = w * w - z * z
+    sine = 2.0 * z * w
+    point_x = x - tows * cosine
+    point_y = y - tows * sine
     distances = []
     for name, pose in poses.items():
         if kind_of(name) == "bin":

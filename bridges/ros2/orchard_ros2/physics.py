@@ -37,8 +37,10 @@ class PhysicsWatch:
         self._before_reset = frozenset[str]()
         # The tokens before the reset that this bridge has asked for.
         self._before_request = frozenset[str]()
+        # The reason in the newest `end`, and when it came, s on the monotonic clock.
         self._why_ended = ""
         self._ended_at = 0.0
+        # It answered when the bridge asked for the layout; its first token comes soon.
         self.is_up = True
 
     # -- what is heard

@@ -7,7 +7,7 @@ from math import ceil, floor
 from . import messages
 from .messages import Message
 
-# M, the side of a cell.
+# Side of a cell, m.
 RESOLUTION = 0.1
 OCCUPIED = 100
 # Cells by which a wall may pass the border of a cell without being in the next one.

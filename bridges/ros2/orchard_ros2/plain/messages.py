@@ -87,7 +87,9 @@ def covariance(accuracy: float = 0.0) -> "array[float]":
     `accuracy`: the standard deviation of x and of y, m; 0: they are exact. The other four are
     exact.
     """
+    # 36 zeros, of 8 bytes each.
     matrix = array("d", bytes(36 * 8))
+    # Of x and y, and of z and the three angles.
     variances = [max(EXACT, accuracy * accuracy)] * 2 + [EXACT] * 4
     for row, variance in enumerate(variances):
         matrix[6 * row + row] = variance
@@ -225,6 +227,7 @@ def odom_in_map(
     ahead, left, z_odom, w_odom = odometry[:4]
     z = z_map * w_odom - w_map * z_odom
     w = w_map * w_odom + z_map * z_odom
+    # Of the angle from `map` to NAME/odom; z and w are sine and cosine of its half.
     sine = 2.0 * z * w
     cosine = w * w - z * z
     return x - (cosine * ahead - sine * left), y - (sine * ahead + cosine * left), z, w

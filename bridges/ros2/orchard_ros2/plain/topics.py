@@ -11,7 +11,7 @@ NAME/odom moves in `map`.
 from dataclasses import dataclass
 
 MAP = "map"
-# M above the ground, the scan plane (docs/reference.md).
+# Height of the plane in which lasers scan, m above the ground (docs/reference.md).
 LASER_HEIGHT = 0.2
 
 

@@ -1,8 +1,8 @@
 """Coupling and uncoupling by a robot that ROS drives.
 
-A deed is what a robot does beside driving, as the Orchard's message `velocity` holds it: to couple a
-bin to its bar, or to uncouple it. Meanwhile the robot's velocity is 0. The deed is sent again until
-physics has done or refused it.
+A deed is what a robot does beside driving, as the Orchard's message `velocity` holds it: to couple
+a bin to its bar, or to uncouple it. Meanwhile the robot's velocity is 0. The deed is sent again
+until physics has done or refused it.
 """
 
 from collections.abc import Mapping
@@ -45,8 +45,8 @@ class Handling:
             return ""
         if pose["tick"] - self.began > PATIENCE_TICKS:
             return (
-                f"{self.robot}: not done within {PATIENCE_TICKS / TICKS_PER_SECOND:g} s: a robot can"
-                f" {self.action} only while it and its bin stand"
+                f"{self.robot}: not done within {PATIENCE_TICKS / TICKS_PER_SECOND:g} s: a robot"
+                f" can {self.action} only while it and its bin stand"
             )
         return None
 

@@ -10,27 +10,28 @@ from orchard import Heard
 from orchard.contract.messages import Call, Come, Fetch
 
 Request = Call | Fetch | Come
-# Ticks for which a request counts. By then the bin has asked again, unless a carrier has it.
+# Ticks for which a request counts. A bin repeats its requests, so by then it has asked again,
+# unless a carrier has it.
 REMEMBERED: dict[type[Request], int] = {Call: 25, Fetch: 25, Come: 55}
 
 
 class Calls:
     """Which full bins wait, by what a bridge hears from them.
 
-    A bin asks for a carrier (Call, Fetch). Once one is chosen, it sends for that one (Come).
-    A bin waits from its second request on: by then each carrier with an agent of its own could
-    have come.
+    A bin asks for a carrier (Call, Fetch). Once a carrier is chosen, the bin sends for it (Come).
+    A bin counts as waiting from its second request on: by then each carrier that has an agent of
+    its own, and no orders, could have agreed to come.
     """
 
     def __init__(self, tell: Callable[[list[dict[str, Any]]], None]) -> None:
-        """`tell`: what is called with the list of those that wait, when it has changed."""
+        """`tell`: is called with the list of the bins that wait, whenever it has changed."""
         self._tell = tell
         self._newest_list: list[dict[str, Any]] = []
         # Bin -> tick at which it asked first.
         self._asked_first: dict[str, int] = {}
         # Bin -> tick of its newest request, and the request.
         self._newest: dict[str, tuple[int, Request]] = {}
-        # The tick that has been dealt with.
+        # The newest tick at which a vehicle has called `hear`; -1: none has.
         self._tick = -1
         # Vehicle -> the full bin that it has promised to take along, having left its empty one
         # for it; '' for none.
@@ -38,7 +39,7 @@ class Calls:
 
     def hear(self, requests: Sequence[Heard], tick: int) -> None:
         """Note what full bins request. Each vehicle calls this at each tick."""
-        # Another vehicle has forgotten the old requests at this tick.
+        # Nothing is new, and another vehicle's call at this tick has forgotten old requests.
         if not requests and tick == self._tick:
             return
         self._tick = tick
@@ -73,7 +74,7 @@ class Calls:
         """
         waiting = []
         for name, (heard_at, body) in self._newest.items():
-            # With `Come` it has sent for a carrier.
+            # After `Come` a carrier is on its way.
             if not isinstance(body, Come) and heard_at > self._asked_first[name]:
                 waiting.append({"loadId": name, "station": _station(body), "since": body.since})
         return sorted(waiting, key=_since_and_name)

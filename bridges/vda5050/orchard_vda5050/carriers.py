@@ -19,8 +19,8 @@ from orchard_vda5050.driver import Driver
 from orchard_vda5050.received import ActionOrder, Node, Parameter
 from orchard_vda5050.vehicle import ON_A_NODE, Port, Timing, Vehicle
 
-# After these seconds handing over has failed, if the full bin has not sent for a vehicle: another
-# carrier comes.
+# After these simulated seconds handing over has failed, if the full bin has not sent for a vehicle:
+# another carrier comes.
 SENT_FOR_SECONDS = 30.0
 
 
@@ -48,7 +48,8 @@ class Drop(Step, frozen=True):
 class HandOver(Step, frozen=True):
     """Leave the empty bin to the picker that has left the full one.
 
-    First the full bin must have sent for a vehicle: this one, or one behind it.
+    The vehicle waits until the full bin, `bin`, has sent for a vehicle: this one, or one that
+    stands behind it.
     """
 
     bin: str
@@ -177,21 +178,25 @@ class CarrierVehicle(Vehicle):
         """`graph`: the roads as this kind drives them. `port`: the line to fleet control."""
         robot = Carrier(layout, name)
         super().__init__(robot, name, graph=graph, port=port, calls=calls, timing=timing)
+        # The head of the line in which the carrier starts: carriers fill the lines one by one.
         self._home = graph.lines[(robot.number - 1) // layout.queue.places]
-        self._before = robot.route.may_fail(layout.scenario.carrying.failure)
+        self._before_each_drive = robot.route.may_fail(layout.scenario.carrying.failure)
 
     def answer(self, robot: Driver, heard: Heard) -> Answer:
         """Offer the vehicle to a bin that its order names, and agree with no other one."""
         body = heard.body
         order = robot.duty.order
         if isinstance(body, CarrierQuery):
-            return CarrierStatus(next(order.loads(), ""), False, 0.0)
+            # It is never next of its line, so the dispatcher does not send it.
+            job = next(order.loads(), "")
+            return CarrierStatus(job, is_next=False, metres=0.0)
         if not isinstance(body, Call | Come):
             return No("a carrier knows nothing of that")
         if heard.sender not in order.loads():
             return No("fleet control orders otherwise")
         if isinstance(body, Call):
-            return Offer(robot.pose.x, robot.pose.y, 0.0)
+            # Nearer than any other offer, whatever the way is: fleet control has decided.
+            return Offer(robot.pose.x, robot.pose.y, distance=0.0)
         return Yes()
 
     def is_home(self, robot: Driver) -> bool:

@@ -23,22 +23,24 @@ from orchard_vda5050.received import ActionOrder, Edge, Node
 
 # After these seconds an action that is not done has failed.
 ACTION_SECONDS = 300.0
-# M before a node at which a vehicle asks for the places of the next edge, so that it need not stop.
+# So many metres before a node a vehicle asks for the places of the next edge, so that it need not
+# stop.
 ASK_AHEAD = 3.0
 
 
 class Duty(msgspec.Struct):
     """What a vehicle has to do, and how far it is.
 
-    `phase`: 'edge' or 'action' while it is under way, '' between two. `began`: tick at which the
-    newest action began. `instant`: how far instant actions are. `errors`: beside those of orders.
+    `phase`: 'edge' while the vehicle drives an edge, 'action' while it does an action, '' between
+    two of them. `began`: tick at which the newest action began. `instant`: how far instant actions
+    are. `errors`: those of instant actions; those of orders are in `order`.
 
     `is_halted`: by an action that has failed. `is_laden`: the bin on its bar is a full one. `fill`:
     m of row in a picker's bin when it was weighed. `owes`: the full bin that a carrier has promised
-    to take along; the carrier has left its empty bin for it.
+    to take along, for which it has left its empty bin; '' for none.
 
-    `is_away`: it clears the roads by itself. `idle_since`: tick since which nothing is released on
-    the roads; -1: it has something to do, or is out of the way.
+    `is_away`: it clears the roads by itself, without orders. `idle_since`: tick since which it has
+    stood on the roads with nothing to do; -1: it has something to do, or is out of the way.
     """
 
     order: OrderState = msgspec.field(default_factory=OrderState)
@@ -79,15 +81,17 @@ class Driver(PlanExecutor):
         robot: Any,
         graph: Graph,
         calls: Calls,
-        before: Sequence[Step],
+        before_each_drive: Sequence[Step],
     ) -> None:
-        """`robot`: the Orchard's own agent of this kind; `before`: the steps before each drive."""
+        """`robot`: the Orchard's own agent of this kind. `before_each_drive`: steps that go before
+        each drive on the roads, in which a robot may fail.
+        """
         super().__init__(seen, mail, memory, robot.machine, robot.bystanders)
         self.route: OneWay = robot.route
         self.duty = duty
         self.graph = graph
         self.calls = calls
-        self._before = before
+        self._before_each_drive = before_each_drive
 
     # -- what a kind of vehicle knows
 
@@ -185,7 +189,7 @@ class Driver(PlanExecutor):
                 yield step
                 continue
             if not step.queueing:
-                yield from self._before
+                yield from self._before_each_drive
             if edge.speed is not None and edge.speed < step.speed_of(self.machine):
                 yield replace(step, speed=edge.speed)
             else:
@@ -222,7 +226,7 @@ class Driver(PlanExecutor):
     def leave_edge(self) -> None:
         """Give back the places that the present edge needs at its beginning.
 
-        The vehicle has not left that.
+        To be called for a vehicle that stands at the beginning of the edge.
         """
         order = self.duty.order
         for step in self._steps_from(order.last_node, order.nodes[0].node_id):

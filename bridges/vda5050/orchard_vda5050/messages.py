@@ -70,6 +70,8 @@ def state_of(
     nodes = [] if status.is_away else order.nodes
     edges = [] if status.is_away else order.edges
     base = [node for node in nodes if node.released]
+    # At the last node of its base, or on the way there, a vehicle asks for a longer base.
+    needs_base = len(base) < len(nodes) and len(base) <= 1
     return {
         "maps": [MAP_STATE],
         "orderId": order.order_id,
@@ -83,7 +85,7 @@ def state_of(
         "loads": _loads(graph.kind, seen, status.is_laden),
         "driving": status.is_driving,
         "paused": status.is_paused,
-        "newBaseRequest": len(base) < len(nodes) and len(base) <= 1,
+        "newBaseRequest": needs_base,
         "distanceSinceLastNode": _distance(seen, order.last_node, graph),
         "actionStates": msgspec.to_builtins(order.actions),
         "instantActionStates": msgspec.to_builtins(instant),
@@ -134,7 +136,7 @@ def factsheet_of(kind: str, machine: Machine, state_seconds: float) -> Message:
             "seriesDescription": DESCRIPTIONS[kind],
             "mobileRobotKinematics": "DIFFERENTIAL",
             "mobileRobotClass": "TUGGER",
-            # The mass of bins is not simulated.
+            # 0 says nothing: the mass of bins is not simulated.
             "maximumLoadMass": 0.0,
             "localizationTypes": ["NATURAL"],
             "navigationTypes": ["VIRTUAL_LINE_GUIDED"],
@@ -143,6 +145,7 @@ def factsheet_of(kind: str, machine: Machine, state_seconds: float) -> Message:
             "minimumSpeed": 0.0,
             "maximumSpeed": machine.speed,
             "maximumAngularSpeed": machine.turn,
+            # A robot has any velocity after one step.
             "maximumAcceleration": machine.speed / TIME_STEP,
             "maximumDeceleration": machine.speed / TIME_STEP,
             "minimumHeight": body.height,

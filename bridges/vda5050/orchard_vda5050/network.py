@@ -22,7 +22,7 @@ KEEPALIVE_SECONDS = 5
 AGAIN_SECONDS = 1.0
 # One try takes at most this long. Meanwhile nothing is read.
 CONNECT_SECONDS = 2.0
-# A client that the broker lets in and drops at once, this often, is told to people.
+# If the broker lets a client in and drops it at once, so often, the bridge says so.
 MOST_DROPS = 3
 # A socket that has just been opened is read after at most this long.
 LOOK_SECONDS = 0.05

@@ -1,7 +1,7 @@
-"""Which orders a vehicle takes, and what it knows with them.
+"""Which orders a vehicle takes, and what it knows with them: `take`, which `vehicle.py` calls.
 
-No clock, no network, no robot. What the standard asks for in each case is in its chapters on
-orders, cancelling and errors.
+All functions here are of data: no clock, no network, no robot. What the standard asks for in each
+case is in its chapters on orders, cancelling and errors.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -18,11 +18,11 @@ from orchard_vda5050.errors import LASTING, Rejected, unsupported
 from orchard_vda5050.order_state import ActionState, OrderState
 from orchard_vda5050.received import ActionOrder, Edge, Node, Order
 
-# M by which a node may be elsewhere than in the vehicle's own map, and a vehicle beside the line of
-# an edge.
+# So many metres a node may be off its place in the vehicle's own map, and a vehicle beside the line
+# of an edge.
 MATCHES = 0.5
-# M by which a vehicle may stand off its first node, whatever the order allows: it drives straight
-# on from there.
+# So many metres, beside MATCHES, a vehicle may stand off its first node, whatever the order allows:
+# it drives straight on from there.
 OFF = 5.0
 # Where an action is done, by its scope.
 WHERE = {"NODE": "at", "EDGE": "on the edge to"}
@@ -31,9 +31,10 @@ WHERE = {"NODE": "at", "EDGE": "on the edge to"}
 def take(
     state: OrderState, order: Order, graph: Graph, bins: Collection[str], *, x: float, y: float
 ) -> OrderState:
-    """Return what a vehicle at (x, y) knows with a new order or an update.
+    """Return what a vehicle at (x, y), m, knows with a new order or an update.
 
-    `bins`: the names of all bins. An order that it has already changes nothing. Raises Rejected.
+    `state`: what it knows without it; that is not changed. `bins`: the names of all bins. An order
+    that the vehicle has already changes nothing. Raises Rejected.
     """
     if order.order_id != state.order_id:
         _check_new(state, order)
@@ -84,7 +85,8 @@ def _check_update(state: OrderState, order: Order) -> None:
 def _check_start(state: OrderState, order: Order, graph: Graph, x: float, y: float) -> None:
     """Raise Rejected unless the vehicle stands on the first node.
 
-    It may stand off its last one: behind others in the queue, or where it has left a bin.
+    If that is the node to which it came last, it may stand anywhere: behind others in the queue,
+    or where it has left a bin.
     """
     first = order.nodes[0]
     if first.node_id == state.last_node:
@@ -147,9 +149,10 @@ def _no_route(order: Order, node: Node, why: str) -> Rejected:
 def _check_decision_point(state: OrderState, order: Order) -> None:
     """Raise Rejected if an update has new actions at its first node.
 
-    The vehicle knows those that are there; they may be left out. The standard asks fleet control to
-    send new actions at a further node of the same name.
+    The vehicle knows the actions of this node already, and an update may leave them out. The
+    standard asks fleet control to send new actions at a further node of the same name.
     """
+    # The node lies ahead, or the vehicle has come there and has begun its actions.
     base = [node for node in state.nodes if node.released]
     if base:
         not_done = {action.action_id: action for action in base[-1].actions}

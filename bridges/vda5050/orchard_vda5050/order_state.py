@@ -25,8 +25,10 @@ class ActionState(MessagePart):
 class OrderState(msgspec.Struct):
     """The order of a vehicle.
 
-    `nodes` and `edges` lie ahead; the base comes before the horizon. `queue`: the actions of the
-    last node that are not done; the first one runs. `content`: a digest of the newest update.
+    `last_node`: to which the vehicle came last, and `last_sequence`, its sequenceId. `nodes` and
+    `edges` lie ahead; the base comes before the horizon. `actions`: how far each action of the
+    order is. `queue`: the actions of the last node that are not done; the first one runs.
+    `content`: a digest of the newest update.
     """
 
     order_id: str = ""
@@ -94,6 +96,7 @@ def cancel(state: OrderState, is_driving: bool) -> None:
 
     A vehicle that drives goes on to the next node; an action that runs is finished.
     """
+    # Of the nodes ahead, the one to which it drives is kept, without its actions.
     kept_count = 1 if is_driving else 0
     state.nodes = [msgspec.structs.replace(node, actions=[]) for node in state.nodes[:kept_count]]
     state.edges = state.edges[:kept_count]

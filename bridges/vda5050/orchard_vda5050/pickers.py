@@ -29,11 +29,14 @@ class PickerDriver(Driver):
 
     def steps_of(self, action: ActionOrder) -> Sequence[Step]:
         """Return the steps of an action at the end of a row."""
+        # A node of pickers is named as east/out/3: a side, what it is for, and a row.
         name, _, number = self.duty.order.last_node.split("/")
         side = self.route.sides[name]
         row = int(number)
         if action.action_type == PICK:
+            # D is the road of deliveries, on which a carrier brings the empty bin.
             return [FetchEmpty(side.place("D", row))]
+        # The picker has picked so far, and picks no further: begin and stop are here.
         x = self.pose.x
         end_of_pass = pass_at(row, side, x, x, fill=self.duty.fill, is_full=self.duty.is_laden)
         stop_line = self.route.hold(row, side)

@@ -65,8 +65,8 @@ class Deviation(MessagePart):
 class NodePosition(MessagePart):
     """Where a node is, in m.
 
-    How far a vehicle may be from it is an ellipse or a number in version 2.1. The schema of version
-    2.0 spells the name of that field otherwise.
+    How far a vehicle may be from it is an ellipse in version 3.0, and a number in 2.1. The schema
+    of version 2.0 has the number too, under another spelling of the name.
     """
 
     x: float

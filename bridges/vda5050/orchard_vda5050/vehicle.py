@@ -36,19 +36,20 @@ from orchard_vda5050.received import (
     read_order,
 )
 
-# M from a node at which a vehicle stands on it.
+# Within so many metres of a node a vehicle stands on it.
 ON_A_NODE = 0.05
-# Instant actions that it remembers.
+# Instant actions that a vehicle remembers.
 MOST_INSTANT = 50
-# The error of an order that comes while it clears the roads by itself.
+# The error of an order that comes while the vehicle clears the roads by itself.
 NOT_AVAILABLE = "MOBILE_ROBOT_NOT_AVAILABLE"
-# Bytes of an order in its memory.
+# Bytes of an order in a vehicle's memory: half of what an agent may keep.
 MOST_BYTES = LARGEST_MEMORY // 2
 # Instant actions that say that the vehicle is to pause, or to go on.
 IS_PAUSED_AFTER = {"startPause": True, "stopPause": False}
 
 
 def _packed(data: Any) -> bytes:
+    """Return data as msgpack, compressed: a memory is sent over the network."""
     return zlib.compress(msgspec.msgpack.encode(data), level=1)
 
 
@@ -106,13 +107,14 @@ class Vehicle:
         self.name = name
         self.graph = graph
         self.timing = timing
-        self._before: Sequence[Step] = ()
+        self._before_each_drive: Sequence[Step] = ()
         self._port = port
         self._calls = calls
-        # Seconds at which a state and a visualization were sent last.
+        # Simulated seconds at which a state and a visualization were sent last; -1: not yet.
         self._state_sent_at = -1.0
         self._visualization_sent_at = -1.0
-        # What was new in the newest state.
+        # What the newest state said of duty, status and bin. None: a new state is due, whatever
+        # they are.
         self._news: object = None
         # The charge at the tick before.
         self._charge = 1.0
@@ -135,7 +137,7 @@ class Vehicle:
             robot=self.robot,
             graph=self.graph,
             calls=self._calls,
-            before=self._before,
+            before_each_drive=self._before_each_drive,
         )
         self._calls.hear(mail.requests, seen.tick)
         self._calls.promise(self.name, duty.owes)
@@ -349,9 +351,8 @@ class Vehicle:
     # -- a vehicle that is left alone
 
     def _mind(self, robot: Driver) -> None:
-        """Let a vehicle clear the roads by itself if fleet control leaves it standing on them.
-
-        It would jam all others.
+        """Let a vehicle clear the roads by itself if fleet control leaves it standing on them for
+        longer than its patience: it would jam all others.
         """
         duty = robot.duty
         if duty.is_away and self.is_home(robot):
@@ -428,6 +429,7 @@ class Vehicle:
         )
         self._charge = seen.charge
         news = robot.memory.duty, status, seen.hitch and seen.hitch.name
+        # Times are sums of 0.1 s, which are not exact: half a step makes up for it.
         is_state_due = now - self._state_sent_at >= self.timing.state - TIME_STEP / 2
         if news != self._news or is_state_due:
             message = state_of(

@@ -19,8 +19,10 @@ from orchard.sim.physics import step
 from orchard.sim.scan import Scanner
 from orchard.sim.world import World
 
-ROBOT = "dog"  # the kind with the size that field.py gives; it drives forward and turns
+# The kind of body with the size that field.py gives its robots; it drives forward and turns.
+ROBOT = "dog"
 
+# All simulators must make the same steps.
 assert STEP == TIME_STEP
 
 
@@ -55,16 +57,24 @@ def drive(world: World, scanner: Scanner, steps: int) -> None:
 
 
 def steps_per_second(area: Field, seconds: float, repeats: int = 5) -> float:
-    """Return the median rate of `repeats` measurements, which together take `seconds`."""
+    """Return the median rate of `repeats` measurements, which together take `seconds`.
+
+    Each goes on for its part of the wall time, and is counted in processor time.
+    """
     world = world_of(area)
-    scanner, wanted = Scanner(world), twists(len(area.starts), MOST_STEPS)
-    drive(world, scanner, 3)  # loads the compiled kernels
-    rates, k = [], 0
+    scanner = Scanner(world)
+    wanted = twists(len(area.starts), MOST_STEPS)
+    # Not measured: they load the compiled kernels.
+    drive(world, scanner, 3)
+    rates = []
+    done = 0
     for _ in range(repeats):
-        begun, used, first = time.perf_counter(), time.process_time(), k
-        while k == first or time.perf_counter() - begun < seconds / repeats:
+        begun = time.perf_counter()
+        used = time.process_time()
+        first = done
+        while done == first or time.perf_counter() - begun < seconds / repeats:
             scanner.scan(world)
-            step(world, wanted[k % MOST_STEPS], [])
-            k += 1
-        rates.append((k - first) / (time.process_time() - used))
+            step(world, wanted[done % MOST_STEPS], [])
+            done += 1
+        rates.append((done - first) / (time.process_time() - used))
     return median(rates)

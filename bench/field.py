@@ -12,19 +12,28 @@ from typing import NamedTuple
 
 import numpy as np
 
-LENGTH, WIDTH = 100.0, 64.0  # m, between the centre lines of the fences
+# m, between the centre lines of the fences.
+LENGTH = 100.0
+WIDTH = 64.0
 FENCE = 1.0  # m, thickness
-LINES, TREES = (
-    5,
-    12,
-)  # lines of trees, and trees in a line; a post stands between neighbouring trees
-LINE_PITCH, TREE_PITCH = 5.5, 6.0  # m
+# Lines of trees, and trees in a line. A post stands between two trees of a line.
+LINES = 5
+TREES = 12
+# m from a line of trees to the next, and from a tree to the next.
+LINE_PITCH = 5.5
+TREE_PITCH = 6.0
 TRUNK = 0.5  # m, side of the square trunk of a tree, and of a post
-ROBOT_LENGTH, ROBOT_WIDTH = 1.0, 0.8  # m; the laser is at the middle of the front side
-SPEED, TURN = 1.0, 1.0  # m/s and rad/s, the limits
-BEAMS, RANGE, STEP = 180, 10.0, 0.1  # beams over half a turn; m; s
+# m, of a robot. Its laser is at the middle of the front side.
+ROBOT_LENGTH = 1.0
+ROBOT_WIDTH = 0.8
+SPEED = 1.0  # m/s, the limit
+TURN = 1.0  # rad/s, the limit
+BEAMS = 180  # of a laser, over half a turn
+RANGE = 10.0  # m
+STEP = 0.1  # s
 KEEP = 20  # steps, after which each robot gets a new velocity
 SEED = 6
+USUAL_ROBOTS = 30
 
 
 class Field(NamedTuple):
@@ -32,9 +41,8 @@ class Field(NamedTuple):
 
     length: float  # m along x, between the centre lines of the fences
     width: float  # m along y
-    walls: (
-        np.ndarray
-    )  # (w, 4), m: x, y, half length along x, half width along y; the four fences first
+    # (w, 4), m: x, y, half length along x, half width along y; the four fences first.
+    walls: np.ndarray
     starts: np.ndarray  # (n, 3): x, y (m) and yaw (rad) of each robot
 
 
@@ -43,7 +51,8 @@ def field(robots: int, scale: float = 1.0) -> Field:
 
     `scale` multiplies the sides of the field and the numbers of lines and of trees.
     """
-    length, width = LENGTH * scale, WIDTH * scale
+    length = LENGTH * scale
+    width = WIDTH * scale
     walls = np.array(_fences(length, width) + _trunks(round(LINES * scale), round(TREES * scale)))
     return Field(length, width, walls, _places(robots, length, width, walls))
 
@@ -52,13 +61,13 @@ def growing(robots: int) -> Field:
     """Return a field whose area grows with the robots: it is as crowded as the normal field with 30
     robots.
     """
-    return field(robots, math.sqrt(robots / 30))
+    return field(robots, math.sqrt(robots / USUAL_ROBOTS))
 
 
 def velocities(robots: int, steps: int) -> np.ndarray:
     """Return forward speeds, m/s, and turning speeds, rad/s, of the robots: (steps, robots, 2).
 
-    They change every two seconds.
+    They change every two seconds. The speeds and rates are drawn evenly between their limits.
     """
     random = np.random.default_rng(SEED + 1)
     drawn = random.uniform((-SPEED, -TURN), (SPEED, TURN), (steps // KEEP + 1, robots, 2))
@@ -66,34 +75,41 @@ def velocities(robots: int, steps: int) -> np.ndarray:
 
 
 def _fences(length: float, width: float) -> list[tuple[float, float, float, float]]:
-    half, long, high = FENCE / 2, length / 2, width / 2
+    """Return the fences in the north, south, west and east, as in `Field.walls`."""
+    thick = FENCE / 2
+    east = length / 2
+    north = width / 2
     return [
-        (0.0, high, long + half, half),
-        (0.0, -high, long + half, half),
-        (-long, 0.0, half, high),
-        (long, 0.0, half, high),
+        (0.0, north, east + thick, thick),
+        (0.0, -north, east + thick, thick),
+        (-east, 0.0, thick, north),
+        (east, 0.0, thick, north),
     ]
 
 
 def _trunks(lines: int, trees: int) -> list[tuple[float, float, float, float]]:
-    """The trees, and the posts half-way between two trees of a line."""
+    """Return the trees, and the posts half-way between two trees of a line."""
+    # Around the middle of the field: x of trees and posts in turns, and y of the lines.
     columns = [(i - (trees - 1)) * TREE_PITCH / 2 for i in range(2 * trees - 1)]
     rows = [(i - (lines - 1) / 2) * LINE_PITCH for i in range(lines)]
     return [(x, y, TRUNK / 2, TRUNK / 2) for y in rows for x in columns]
 
 
 def _places(robots: int, length: float, width: float, walls: np.ndarray) -> np.ndarray:
-    """Random poses whose circumscribed circles touch no wall and no other robot."""
-    random, radius = np.random.default_rng(SEED), math.hypot(ROBOT_LENGTH, ROBOT_WIDTH) / 2
+    """Return random poses, (robots, 3), at which the circle around a robot touches no wall and no
+    circle of another robot.
+    """
+    random = np.random.default_rng(SEED)
+    radius = math.hypot(ROBOT_LENGTH, ROBOT_WIDTH) / 2
     centres = np.empty((robots, 2))
     placed = 0
     while placed < robots:
         x, y = random.uniform((-length / 2, -width / 2), (length / 2, width / 2))
         to_walls = np.maximum(np.abs(walls[:, :2] - (x, y)) - walls[:, 2:], 0.0)
         to_others = centres[:placed] - (x, y)
-        if np.all((to_walls**2).sum(axis=1) > radius**2) and np.all(
-            (to_others**2).sum(axis=1) > 4 * radius**2
-        ):
+        is_off_walls = np.all((to_walls**2).sum(axis=1) > radius**2)
+        is_off_others = np.all((to_others**2).sum(axis=1) > (2 * radius) ** 2)
+        if is_off_walls and is_off_others:
             centres[placed] = x, y
             placed += 1
     return np.column_stack([centres, random.uniform(-math.pi, math.pi, robots)])

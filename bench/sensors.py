@@ -17,7 +17,10 @@ from orchard.field.scenario import MOST_BIAS, MOST_WHITE, TIME_STEP, Scenario, w
 from orchard.local import Local
 from orchard.server.figures import RunFigures
 
-WHITE, SLOW = (0.0, 0.01, 0.02, 0.05, MOST_WHITE), (0.0, 0.01, 0.02, MOST_BIAS)  # m
+# Standard deviations of the errors of positions, m: that of each tick, and the slow one.
+WHITE = (0.0, 0.01, 0.02, 0.05, MOST_WHITE)
+SLOW = (0.0, 0.01, 0.02, MOST_BIAS)
+# Route and dispatch policy of each harvest of a line; its seed is its number.
 RUNS = (
     ("one-way", "predictive"),
     ("two-way", "nearest"),
@@ -44,14 +47,19 @@ def harvest(white: float, bias: float, run: int) -> Outcome:
         with_changes(scenario, **{"sensors.gnss.white": white, "sensors.gnss.bias": bias}),
         is_hashed=False,
     )
-    figures, found = RunFigures(local.engine, time.monotonic), Counter[str]()
+    figures = RunFigures(local.engine, time.monotonic)
+    counts = Counter[str]()
     while not local.engine.over and local.engine.tick < LONGEST and not figures.jam:
         events = local.tick()
         figures.update(events)
-        found.update(event.what for event in events if event.who.startswith(VEHICLES))
+        counts.update(event.what for event in events if event.who.startswith(VEHICLES))
+    # However wrong the sensors are, what holds in every orchard must hold.
     assert not local.engine.violations()
     return Outcome(
-        local.engine.over, local.engine.tick * TIME_STEP, found["collision"], found["deed refused"]
+        finished=local.engine.over,
+        seconds=local.engine.tick * TIME_STEP,
+        collisions=counts["collision"],
+        refused=counts["deed refused"],
     )
 
 
@@ -59,7 +67,8 @@ def line(white: float, bias: float, outcomes: list[Outcome]) -> str:
     """Return a line of the table. The time is that of the harvests that finished."""
     done = [outcome.seconds for outcome in outcomes if outcome.finished]
     took = f"{mean(done):.0f}" if done else "-"
-    collisions, refused = (sum(values) for values in list(zip(*outcomes, strict=True))[2:])
+    collisions = sum(outcome.collisions for outcome in outcomes)
+    refused = sum(outcome.refused for outcome in outcomes)
     return (
         f"| {100 * white:g} | {100 * bias:g} | {len(done)} of {len(outcomes)} | {took} |"
         f" {collisions} | {refused} |"
@@ -68,18 +77,20 @@ def line(white: float, bias: float, outcomes: list[Outcome]) -> str:
 
 def main() -> None:
     """Print a table of harvests with growing errors of positions."""
-    cells = [(white, bias) for white, bias in product(WHITE, SLOW)]
+    cells = list(product(WHITE, SLOW))
     print(
         "| white, cm | slow, cm | finished | mean time, s | collisions | couplings refused |",
         "| --- |" + " --- |" * 5,
         sep="\n",
     )
     with ProcessPoolExecutor(2) as pool:
-        runs = {
-            cell: [pool.submit(harvest, *cell, run) for run in range(len(RUNS))] for cell in cells
-        }
-        for cell, futures in runs.items():
-            print(line(*cell, [future.result() for future in futures]), flush=True)
+        # All begin now; the lines are printed in their order, each as soon as it is done.
+        runs = {}
+        for cell in cells:
+            runs[cell] = [pool.submit(harvest, *cell, run) for run in range(len(RUNS))]
+        for (white, bias), futures in runs.items():
+            outcomes = [future.result() for future in futures]
+            print(line(white, bias, outcomes), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """What the tables of the default harvest cost, with exact sensors and with errors: their processor
 time, that of the run, and their size.
 
-python -m bench.tables
+    python -m bench.tables
 """
 
 import time
@@ -33,13 +33,19 @@ def measure(name: str, scenario: Scenario) -> None:
     """Print what the tables of a scenario's harvest cost."""
     with TemporaryDirectory() as folder:
         local = Local(scenario)
+        # It loads the compiled kernels, which is not measured.
         local.engine.rehearse()
-        spent, total, due = 0.0, time.process_time(), time.monotonic() + FLUSH_SECONDS
+        # s of processor time: for the tables, and in all; s of wall time: when the next flush is
+        # due.
+        spent = 0.0
+        total = time.process_time()
+        due = time.monotonic() + FLUSH_SECONDS
         tables = Tables(Path(folder), local.engine)
         while not local.engine.over:
             events = local.tick()
             begun = time.process_time()
-            tables.update(local.engine, events, local.post.written.get(local.engine.tick - 1, {}))
+            letters = local.post.written.get(local.engine.tick - 1, {})
+            tables.update(local.engine, events, letters)
             if time.monotonic() >= due:
                 tables.flush()
                 due = time.monotonic() + FLUSH_SECONDS

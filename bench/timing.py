@@ -21,7 +21,9 @@ def run(step: Callable[[int], object], seconds: float) -> None:
     """
     for k in range(WARM_UP):
         step(k)
-    begun, used, steps = time.perf_counter(), time.process_time(), 0
+    begun = time.perf_counter()
+    used = time.process_time()
+    steps = 0
     while steps == 0 or time.perf_counter() - begun < seconds:
         step(steps % MOST_STEPS)
         steps += 1

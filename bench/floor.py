@@ -4,11 +4,12 @@ It sends the messages of a run again over bare Zenoh.
 
     python -m bench.floor ENDPOINT NUMBER TRACE   (`ticks_per_second` starts these client processes)
 
-There are as many processes as in the real run. The hub is the router, as physics is. At each tick
-it sends an observation to each client that was asked at that tick, and waits until these clients
-have sent their velocities. Clients send the requests of the run to each other as gets, with both
-replies, and wait for them as the hosts of the run do. Nothing is packed, unpacked, checked or
-computed.
+There are as many processes as in the real run: clients stand for the hosts of agents, and the hub
+for physics, which is the router too. `program.py` records which messages a run sends, a trace. At
+each tick the hub sends an observation to each client that was asked at that tick, and waits until
+these clients have sent their velocities. Clients send the requests of the run to each other as
+gets, with two replies each ("received" at once, and the answer a tick later), and wait for them as
+the hosts of the run do. Nothing is packed, unpacked, checked or computed.
 """
 
 import json
@@ -29,9 +30,13 @@ from zenoh.handlers import Callback
 
 from orchard.launch.supervisor import QUICK_TICKS, free_port, take_turns
 
-TAKEN_SECONDS = 20.0  # that a message may take; a run that takes longer has lost one
-STAMP = 4  # bytes of a request that tell its tick
-GET: dict[str, Any] = {  # as orchard.net.bus asks
+# s that a message may take; if one takes longer, a message is lost.
+TAKEN_SECONDS = 20.0
+START_SECONDS = 60.0  # that a client may take to start
+# Bytes at the beginning of a request that tell its tick.
+STAMP = 4
+# As orchard.net.bus asks.
+GET: dict[str, Any] = {
     "target": zenoh.QueryTarget.ALL,
     "consolidation": zenoh.ConsolidationMode.NONE,
     "congestion_control": zenoh.CongestionControl.BLOCK,
@@ -44,7 +49,7 @@ class Sizes(msgspec.Struct, frozen=True):
     seen: int  # from the hub to a client
     velocities: int  # from a client to the hub
     request: int
-    answer: int  # of the second reply; the first is as short
+    answer: int  # of both replies
 
 
 class Tick(msgspec.Struct, frozen=True):
@@ -72,7 +77,10 @@ class Trace(msgspec.Struct, frozen=True):
         return sum(len(tick.requests) for tick in self.ticks) / len(self.ticks)
 
     def without_open_requests(self) -> "Trace":
-        """Return the trace without the requests that are answered after its last tick."""
+        """Return the trace without the requests that are answered after its last tick.
+
+        An answer comes two ticks after its request: so the last two ticks have none.
+        """
         last = [Tick(tick.asked, []) for tick in self.ticks[-2:]]
         return Trace(self.clients, self.sizes, self.ticks[:-2] + last)
 
@@ -86,7 +94,9 @@ def ticks_per_second(trace: Trace) -> float:
     ):
         path = Path(folder) / "trace.json"
         path.write_bytes(msgspec.json.encode(trace.without_open_requests()))
-        velocities, ready = _Counter(), SimpleQueue[None]()
+        velocities = _Counter()
+        ready = SimpleQueue[None]()
+        # Zenoh ends a subscription that nothing refers to.
         declared = [
             session.declare_subscriber("floor/velocities/*", _callback(velocities.count)),
             session.liveliness().declare_subscriber(
@@ -96,7 +106,7 @@ def ticks_per_second(trace: Trace) -> float:
         clients = [_start(endpoint, i, path) for i in range(trace.clients)]
         try:
             for _ in clients:
-                ready.get(timeout=60.0)
+                ready.get(timeout=START_SECONDS)
             return _ticked(session, trace, velocities)
         finally:
             for client in clients:
@@ -105,23 +115,29 @@ def ticks_per_second(trace: Trace) -> float:
 
 
 class _Counter:
-    """Wakes the hub once for several messages: to wake it costs more than a message."""
+    """Wakes the hub once for several messages: to wake it costs more than a message.
+
+    `left`: how many are still to come. The hub sets it, Zenoh's thread counts it down.
+    """
 
     def __init__(self) -> None:
         self._enough: SimpleQueue[None] = SimpleQueue()
         self.left = 0
 
     def count(self, sample: zenoh.Sample) -> None:
+        """Count a message, which is copied as in a run."""
         sample.payload.to_bytes()
         self.left -= 1
         if self.left == 0:
             self._enough.put(None)
 
     def wait(self) -> None:
+        """Wait until none is left."""
         self._enough.get(timeout=TAKEN_SECONDS)
 
 
 def _ticked(session: zenoh.Session, trace: Trace, velocities: _Counter) -> float:
+    """Send the observations of all ticks as the hub. Return the ticks a second."""
     publishers = [_publisher(session, f"floor/seen/{i}") for i in range(trace.clients)]
     payload = bytes(trace.sizes.seen)
     begun = time.perf_counter()
@@ -138,15 +154,17 @@ class _Client:
     """One client: what has arrived, and what it sends at each of its ticks."""
 
     def __init__(self, session: zenoh.Session, number: int, trace: Trace) -> None:
-        self._session, self._number, self._trace = session, number, trace
-        self._arrived: SimpleQueue[Any] = (
-            SimpleQueue()
-        )  # an observation; a number: the end of a get of that tick; a query
-        self._seen, self._ends, self._held = (
-            0,
-            defaultdict[int, int](int),
-            defaultdict[int, list[zenoh.Query]](list),
-        )
+        self._session = session
+        self._number = number
+        self._trace = trace
+        # What Zenoh's threads put there: an observation, as bytes; a number, the tick of a get that
+        # has ended; or a query, a request of another client.
+        self._arrived: SimpleQueue[Any] = SimpleQueue()
+        # How many observations wait; tick -> how many of its gets have ended; tick -> the requests
+        # of it that wait for their answers.
+        self._seen = 0
+        self._ends = defaultdict[int, int](int)
+        self._held = defaultdict[int, list[zenoh.Query]](list)
         self._answer = bytes(trace.sizes.answer)
         self._velocities = _publisher(session, f"floor/velocities/{number}")
         put = self._arrived.put
@@ -159,30 +177,36 @@ class _Client:
         ]
 
     def run(self) -> None:
-        """Answer each tick at which this client is asked."""
-        payload, number = bytes(self._trace.sizes.velocities), self._number
-        sent: dict[int, list[int]] = {-2: [], -1: []}  # tick -> the clients to which a request went
-        expected = {-1: 0}  # tick -> requests that come
-        for k, tick in enumerate(self._trace.ticks):
-            sent[k] = [to for sender, to in tick.requests if sender == number]
-            expected[k] = sum(to == number for _, to in tick.requests)
-            if number not in tick.asked:
+        """Answer each tick at which this client is asked.
+
+        A tick is complete when its observation, all requests of the tick before, and all answers to
+        the client's own requests of two ticks ago are here.
+        """
+        payload = bytes(self._trace.sizes.velocities)
+        # Tick -> the clients to which a request went, and how many requests come.
+        sent: dict[int, list[int]] = {-2: [], -1: []}
+        expected = {-1: 0}
+        for number, tick in enumerate(self._trace.ticks):
+            sent[number] = [to for sender, to in tick.requests if sender == self._number]
+            expected[number] = sum(to == self._number for _, to in tick.requests)
+            if self._number not in tick.asked:
                 continue
             while not (
                 self._seen
-                and len(self._held[k - 1]) == expected[k - 1]
-                and self._ends[k - 2] == len(sent[k - 2])
+                and len(self._held[number - 1]) == expected[number - 1]
+                and self._ends[number - 2] == len(sent[number - 2])
             ):
                 self._take()
             self._seen -= 1
             self._velocities.put(payload)
-            for to in sent[k]:
-                self._ask(k, to)
-            for query in self._held.pop(k - 1):
+            for to in sent[number]:
+                self._ask(number, to)
+            for query in self._held.pop(number - 1):
                 query.reply(query.key_expr, self._answer)
                 query.drop()  # type: ignore[no-untyped-call]
 
     def _ask(self, tick: int, to: int) -> None:
+        """Send a request of a tick to another client."""
         handler: Callback[zenoh.Reply] = Callback(
             lambda reply: reply.ok.payload.to_bytes() if reply.ok else b"",
             lambda: self._arrived.put(tick),
@@ -194,6 +218,7 @@ class _Client:
         )
 
     def _take(self) -> None:
+        """Take what has arrived; reply to a request that it is received."""
         match self._arrived.get(timeout=TAKEN_SECONDS):
             case bytes():
                 self._seen += 1
@@ -205,7 +230,7 @@ class _Client:
 
 
 def _callback(function: Callable[[Any], object]) -> "Callback[Any]":
-    """A handler that runs in zenoh's own thread, as those of the bus do."""
+    """Return a handler that runs in Zenoh's own thread, as those of the bus do."""
     return Callback(function, indirect=False)
 
 
@@ -214,6 +239,7 @@ def _publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
 
 
 def _start(endpoint: str, number: int, trace: Path) -> "subprocess.Popen[bytes]":
+    """Start a client, with the settings and the priority that a run gives its processes."""
     command = [sys.executable, "-m", "bench.floor", endpoint, str(number), str(trace)]
     client = subprocess.Popen(command, env=QUICK_TICKS | os.environ)
     take_turns(client.pid)
@@ -221,14 +247,16 @@ def _start(endpoint: str, number: int, trace: Path) -> "subprocess.Popen[bytes]"
 
 
 def _config(mode: str, side: str, endpoint: str) -> zenoh.Config:
+    """Return the settings of a session. `side`: 'listen' or 'connect'."""
     config = zenoh.Config()
     settings = {
         "mode": mode,
         f"{side}/endpoints": [endpoint],
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
+        "transport/shared_memory/enabled": False,
     }
-    for key, value in (settings | {"transport/shared_memory/enabled": False}).items():
+    for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config
 

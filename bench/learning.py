@@ -14,6 +14,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator
+from itertools import count
 from statistics import median
 from typing import Any
 
@@ -24,7 +25,10 @@ from bench.peer_simulators import JUMANJI, LEARNING_PACKAGES, RWARE, agent_steps
 from orchard.field.scenario import Scenario
 from orchard.gym import dispatch_env, dispatch_vec_env, single_env
 
-STEPS, RESETS, REPEATS = 1000, 10, 5
+# Steps, and resets, of a measurement; measurements of a figure.
+STEPS = 1000
+RESETS = 10
+REPEATS = 5
 ROBOT = "carrier_01"
 # Orchards that are stepped at once, and steps of all of them in a measurement.
 ORCHARDS = 64
@@ -38,15 +42,16 @@ AT_ONCE = (ORCHARDS, 1024)
 JUMANJI_STEPS = 50
 
 
-def timed(work: Callable[[], object], count: int) -> list[float]:
-    """Return the seconds of processor time of one of `count` units of work, for each of REPEATS
-    measurements.
+def timed(work: Callable[[], object], units: int) -> list[float]:
+    """Return the seconds of processor time of a unit of work, for each of REPEATS measurements.
+
+    `work`: does so many `units` of it.
     """
     times = []
     for _ in range(REPEATS):
         begun = time.process_time()
         work()
-        times.append((time.process_time() - begun) / count)
+        times.append((time.process_time() - begun) / units)
     return times
 
 
@@ -71,14 +76,16 @@ def harvest(choose: Callable[[dict[str, Any]], np.ndarray]) -> list[float]:
 
 def resets(rows: int, pickers: int) -> list[float]:
     """Return the seconds of a reset to a new seed."""
-    env, seeds = single_env(Scenario(rows=rows, pickers=pickers), ROBOT), iter(range(2, 1000))
+    env = single_env(Scenario(rows=rows, pickers=pickers), ROBOT)
+    seeds = count(1)
 
-    def some() -> None:
+    def reset_often() -> None:
         for _ in range(RESETS):
             env.reset(seed=next(seeds))
 
-    some()
-    return timed(some, RESETS)
+    # The first ones load the compiled kernels.
+    reset_often()
+    return timed(reset_often, RESETS)
 
 
 def dispatch() -> list[float]:
@@ -86,10 +93,12 @@ def dispatch() -> list[float]:
     env = dispatch_env(Scenario())
 
     def episode() -> None:
-        info, ended = env.reset(seed=1)[1], False
-        while not ended:
+        info = env.reset(seed=1)[1]
+        has_ended = False
+        while not has_ended:
+            # What the scenario's policy would do.
             *_, terminated, truncated, info = env.step(info["scripted"])
-            ended = terminated or truncated
+            has_ended = terminated or truncated
 
     return timed(episode, 1)
 
@@ -103,14 +112,14 @@ def decisions(scenario: Scenario) -> list[float]:
     for seed in range(1, 1 + REPEATS):
         begun = time.process_time()
         info = env.reset(seed=seed)[1]
-        count = 0
-        ended = False
-        while not ended:
+        decided = 0
+        has_ended = False
+        while not has_ended:
             action = random.choice(np.flatnonzero(info["action_mask"]))
             *_, terminated, truncated, info = env.step(action)
-            ended = terminated or truncated
-            count += 1
-        times.append((time.process_time() - begun) / count)
+            has_ended = terminated or truncated
+            decided += 1
+        times.append((time.process_time() - begun) / decided)
     return times
 
 
@@ -127,9 +136,11 @@ def decisions_of_many(scenario: Scenario, may_wait: bool) -> list[float]:
     # The first one loads the compiled code.
     for _ in range(1 + REPEATS):
         spent = 0.0
-        count = 0
+        decided = 0
         begin_anew = 0
         for _ in range(VECTOR_STEPS):
+            # Of the actions that can be, the one with the greatest random number; 0, which always
+            # can be, has the least one unless an orchard may wait.
             chances = random.random(infos["action_mask"].shape) + 1e-9
             if not may_wait:
                 chances[:, 0] = 1e-12
@@ -137,14 +148,14 @@ def decisions_of_many(scenario: Scenario, may_wait: bool) -> list[float]:
             begun = time.process_time()
             *_, terminated, truncated, infos = envs.step(actions)
             spent += time.process_time() - begun
-            count += ORCHARDS - begin_anew
+            decided += ORCHARDS - begin_anew
             begin_anew = int((terminated | truncated).sum())
-        times.append(spent / count)
+        times.append(spent / decided)
     return times[1:]
 
 
 def dispatch_lines() -> Iterator[str]:
-    """Return the rates of dispatch in one orchard and in many, and those of its peers."""
+    """Yield the rates of dispatch in one orchard and in many, and those of its peers, in lines."""
     for rows, pickers, carriers in SIZES:
         scenario = Scenario(rows=rows, pickers=pickers, carriers=carriers)
         size = f"{rows} rows, {pickers} pickers, {carriers} carriers"
@@ -168,9 +179,9 @@ def many() -> dict[str, list[float] | str]:
             measured[name] = decisions_of_many(scenario, may_wait)
     for name in WAREHOUSES:
         measured[f"{_title(RWARE)}, `{name}`"] = _peer(RWARE, name, str(STEPS))
-    for count in AT_ONCE:
-        name = f"{_title(JUMANJI)}, {count} of `RobotWarehouse-v0`"
-        measured[name] = _peer(JUMANJI, str(count), str(JUMANJI_STEPS))
+    for warehouses in AT_ONCE:
+        name = f"{_title(JUMANJI)}, {warehouses} of `RobotWarehouse-v0`"
+        measured[name] = _peer(JUMANJI, str(warehouses), str(JUMANJI_STEPS))
     return measured
 
 
@@ -205,11 +216,12 @@ def rates(times: list[float]) -> str:
 
 
 def lines() -> Iterator[str]:
-    """Return the measurements, one in a line."""
+    """Yield the measurements, one in a line."""
     random = np.random.default_rng(1)
     policies = {
         "its agent's velocity": lambda info: info["scripted"],
         "standing": lambda info: np.zeros(2),
+        # Up to its limits, 1 m/s and pi / 8 rad/s.
         "random velocities": lambda info: random.uniform((-1.0, -0.39), (1.0, 0.39)),
     }
     for name, choose in policies.items():

@@ -1,4 +1,9 @@
-"""Runs all benchmarks one after another, and compares the results with the goals."""
+"""Runs all benchmarks one after another, and compares the results with the goals.
+
+A scenario is named by its rows and pickers, as 20x20. "Asked" are the agents, or processes, that
+must answer at a tick; with "holds ignored" all are asked at each tick. `report.py` writes the
+results.
+"""
 
 import os
 import subprocess
@@ -14,25 +19,25 @@ from bench.field import field, growing
 REALTIME_SECONDS = 60  # of a realtime run
 ROBOTS = (10, 30, 100, 300, 1000)
 SECONDS = 3.0  # of measurement for one figure
-ROUNDS = (
-    3  # of lockstep; each has a run with holds, one with holds ignored, and one with a recording
-)
-TICKS = {
-    "3x2": 600,
-    "default": 1000,
-    "20x20": 600,
-}  # of each of the five measurements in local mode
-PROFILE_TICKS = 600  # of which the messages are recorded
+# Of lockstep. Each has a run with holds, one with holds ignored, and one with a recording.
+ROUNDS = 3
+# Scenario -> ticks of each of the five measurements in local mode.
+TICKS = {"3x2": 600, "default": 1000, "20x20": 600}
+# Ticks of which the messages are recorded.
+PROFILE_TICKS = 600
+# Scenario -> options of `orchard`.
 OPTIONS = {"default": [], "20x20": ["--rows", "20", "--pickers", "20"]}
 SMALL = ["--rows", "3", "--pickers", "2"]
-LOCKSTEP_RUNS = {  # name -> (scenario, hosts, ticks)
+# Name -> scenario, hosts, ticks.
+LOCKSTEP_RUNS = {
     "default, 2": ("default", "2", 4000),
     "default, each": ("default", "each", 2000),
     "20x20, 2": ("20x20", "2", 2000),
 }
 
 Say = Callable[[str], None]
-Goal = tuple[str, str, str, bool]  # goal, wanted, measured, whether it is met
+# The goal, the value that is wanted, the value that was measured, and whether the goal is met.
+Goal = tuple[str, str, str, bool]
 
 
 @dataclass(frozen=True)
@@ -61,9 +66,8 @@ class Results:
     core: dict[int, float] = made(default_factory=dict)  # robots -> rate
     growing: dict[int, float] = made(default_factory=dict)  # robots -> us for a step of one robot
     peers: dict[str, dict[int, float]] = made(default_factory=dict)  # simulator -> robots -> rate
-    missing: dict[str, str] = made(
-        default_factory=dict
-    )  # simulator -> why it could not be installed
+    # Simulator -> why it could not be installed.
+    missing: dict[str, str] = made(default_factory=dict)
     local: dict[str, program.LocalFigures] = made(default_factory=dict)  # scenario -> its figures
     lockstep: dict[str, Lockstep] = made(default_factory=dict)
     start: dict[str, program.RunProfile] = made(default_factory=dict)
@@ -71,10 +75,8 @@ class Results:
     realtime: program.RealtimeFigures = made(
         default_factory=lambda: program.RealtimeFigures(0.0, 1, 0, 0.0, 0.0)
     )
-    load: tuple[float, float] = (
-        0.0,
-        0.0,
-    )  # one-minute load averages of the machine, before and after
+    # One-minute load averages of the machine, before and after.
+    load: tuple[float, float] = (0.0, 0.0)
 
     def goals(self) -> list[Goal]:
         """Return all goals with the measured values."""
@@ -82,137 +84,99 @@ class Results:
 
     def of(self, peer: str, robots: int) -> float:
         """Return the rate of a peer; the quoted rate if it was not measured."""
-        return (
-            self.peers.get(peer, {}).get(robots)
-            or peer_simulators.QUOTED[peer][ROBOTS.index(robots)]
-        )
+        measured = self.peers.get(peer, {}).get(robots)
+        return measured or peer_simulators.QUOTED[peer][ROBOTS.index(robots)]
 
     def _core_goals(self) -> list[Goal]:
-        wanted = [("navground", 30, 150), ("IR-SIM", 30, 250), ("IR-SIM", 1000, 100)]
-        ratios = [(name, n, least, self.core[n] / self.of(name, n)) for name, n, least in wanted]
-        goals = [
-            (f"core: rate / {name} at N = {n}", f">= {least}", f"{ratio:.0f}", ratio >= least)
-            for name, n, least, ratio in ratios
-        ]
+        """Return the goals of the core: beside peers, by itself, and as the field grows."""
+        goals: list[Goal] = []
+        for name, robots, least in (
+            ("navground", 30, 150),
+            ("IR-SIM", 30, 250),
+            ("IR-SIM", 1000, 100),
+        ):
+            ratio = self.core[robots] / self.of(name, robots)
+            goal = f"core: rate / {name} at N = {robots}"
+            goals.append((goal, f">= {least}", f"{ratio:.0f}", ratio >= least))
+        for robots, least in ((10, 75_000), (30, 33_000)):
+            goals.append(_at_least(f"core, N = {robots}, steps/s", least, self.core[robots]))
         growth = self.growing[1000] / self.growing[30]
-        goals += [
-            _at_least(f"core, N = {n}, steps/s", least, self.core[n])
-            for n, least in ((10, 75_000), (30, 33_000))
-        ]
-        return [
-            *goals,
-            (
-                "core, time of one robot's step: N = 1000 / N = 30, growing field",
-                "<= 2",
-                f"{growth:.2f}",
-                growth <= 2,
-            ),
-        ]
+        goals.append(
+            _at_most_twice(
+                "core, time of one robot's step: N = 1000 / N = 30, growing field", growth
+            )
+        )
+        return goals
 
     def _program_goals(self) -> list[Goal]:
+        """Return the goals of local mode and of lockstep."""
         goals: list[Goal] = []
         for name, most in (("default", 0.12), ("20x20", 0.15)):
             figures = self.local[name]
-            goals.append(
-                (
-                    f"agents asked, {name}",
-                    f"<= {most}",
-                    f"{figures.asked:.3f}",
-                    figures.asked <= most,
-                )
-            )
-            goals.append(
-                _times(
-                    f"local mode, {name}: rate with holds / holds ignored",
-                    2.5,
-                    figures.rate / figures.ignored,
-                )
-            )
-        small, large = self.local["3x2"], self.local["20x20"]
+            is_met = figures.asked <= most
+            goals.append((f"agents asked, {name}", f"<= {most}", f"{figures.asked:.3f}", is_met))
+            ratio = figures.rate / figures.ignored
+            goals.append(_times(f"local mode, {name}: rate with holds / holds ignored", 2.5, ratio))
+        small = self.local["3x2"]
+        large = self.local["20x20"]
         growth = (small.agents * small.rate) / (large.agents * large.rate)
-        goals.append(
-            (
-                "local mode, time of one agent's tick: 20x20 / 3x2",
-                "<= 2",
-                f"{growth:.2f}",
-                growth <= 2,
-            )
-        )
-        for name, times, least in (
-            ("default, 2", 1.7, 1300),
-            ("20x20, 2", 1.7, 600),
-            ("default, each", 4.0, 450),
-        ):
-            run = self.lockstep[name]
-            goals.append(
-                _times(
-                    f"lockstep, {name}: rate with holds / holds ignored",
-                    times,
-                    run.plain / run.ignored,
-                )
-            )
-            goals.append(_at_least(f"lockstep, {name}, ticks/s", least, run.plain))
-            goals.append(
-                _times(f"lockstep, {name}: rate / attainable", 0.6, run.plain / run.attainable)
-            )
-            goals.append(
-                _times(
-                    f"lockstep, {name}: rate with / without recording",
-                    0.8,
-                    run.recorded / run.plain,
-                )
-            )
-        best = max((self.of(name, 30), name) for name in peer_simulators.QUOTED)
+        goals.append(_at_most_twice("local mode, time of one agent's tick: 20x20 / 3x2", growth))
+        goals += self._lockstep_goals("default, 2", times=1.7, least=1300)
+        goals += self._lockstep_goals("20x20, 2", times=1.7, least=600)
+        goals += self._lockstep_goals("default, each", times=4.0, least=450)
+        best, peer = max((self.of(name, 30), name) for name in peer_simulators.QUOTED)
         plain = self.lockstep["default, 2"].plain
+        goal = f"lockstep, ticks/s, above all peers at N = 30 ({peer})"
+        goals.append((goal, f"> {best:.0f}", f"{plain:.0f}", plain > best))
+        return goals
+
+    def _lockstep_goals(self, name: str, times: float, least: float) -> list[Goal]:
+        """Return the goals of a lockstep run.
+
+        `times`: by which factor holds must pay. `least`: ticks/s.
+        """
+        run = self.lockstep[name]
+        holds = f"lockstep, {name}: rate with holds / holds ignored"
+        recording = f"lockstep, {name}: rate with / without recording"
         return [
-            *goals,
-            (
-                f"lockstep, ticks/s, above all peers at N = 30 ({best[1]})",
-                f"> {best[0]:.0f}",
-                f"{plain:.0f}",
-                plain > best[0],
-            ),
+            _times(holds, times, run.plain / run.ignored),
+            _at_least(f"lockstep, {name}, ticks/s", least, run.plain),
+            _times(f"lockstep, {name}: rate / attainable", 0.6, run.plain / run.attainable),
+            _times(recording, 0.8, run.recorded / run.plain),
         ]
 
     def _size_goals(self) -> list[Goal]:
-        starts = [
-            (name, most, self.start[name].first_tick)
-            for name, most in (("default", 2.5), ("20x20", 6.0))
-        ]
-        goals = [
-            (f"start, {name}, s", f"< {most}", f"{seconds:.1f}", seconds < most)
-            for name, most, seconds in starts
-        ]
-        megabytes = max(
-            profile.megabytes["orchard.processes.agents"] for profile in self.start.values()
-        )
-        goals.append(
-            (
-                "physics with 1000 robots, MB",
-                "< 200",
-                f"{self.physics_megabytes:.0f}",
-                self.physics_megabytes < 200,
-            )
-        )
-        goals.append(("an agent process, MB", "< 80", f"{megabytes:.0f}", megabytes < 80))
-        real, missed = self.realtime, self.realtime.missed / self.realtime.answers
-        goals.append(
-            (
-                "real time, one process for each agent: share of a core",
-                "< 40 %",
-                f"{real.cores:.0%}",
-                real.cores < 0.4,
-            )
-        )
-        return [*goals, ("real time: missed deadlines", "< 0.1 %", f"{missed:.3%}", missed < 0.001)]
+        """Return the goals of start, memory and real time."""
+        goals: list[Goal] = []
+        for name, most in (("default", 2.5), ("20x20", 6.0)):
+            seconds = self.start[name].first_tick
+            goals.append((f"start, {name}, s", f"< {most}", f"{seconds:.1f}", seconds < most))
+        physics = self.physics_megabytes
+        goals.append(("physics with 1000 robots, MB", "< 200", f"{physics:.0f}", physics < 200))
+        sizes = [profile.megabytes["orchard.processes.agents"] for profile in self.start.values()]
+        agents = max(sizes)
+        goals.append(("an agent process, MB", "< 80", f"{agents:.0f}", agents < 80))
+        cores = self.realtime.cores
+        share = "real time, one process for each agent: share of a core"
+        goals.append((share, "< 40 %", f"{cores:.0%}", cores < 0.4))
+        missed = self.realtime.missed / self.realtime.answers
+        goals.append(("real time: missed deadlines", "< 0.1 %", f"{missed:.3%}", missed < 0.001))
+        return goals
 
 
 def _at_least(goal: str, least: float, value: float) -> Goal:
+    """Return the goal of a rate."""
     return goal, f">= {least:,}", f"{value:,.0f}", value >= least
 
 
 def _times(goal: str, least: float, ratio: float) -> Goal:
+    """Return the goal of a ratio that should be large."""
     return goal, f">= {least:g}", f"{ratio:.2f}", ratio >= least
+
+
+def _at_most_twice(goal: str, ratio: float) -> Goal:
+    """Return the goal of a ratio that should not be above 2."""
+    return goal, "<= 2", f"{ratio:.2f}", ratio <= 2
 
 
 def _core(results: Results, say: Say) -> None:
@@ -225,8 +189,9 @@ def _core(results: Results, say: Say) -> None:
 def _peers(results: Results, say: Say) -> None:
     for name in peer_simulators.PACKAGES:
         say(f"installing {name}")
-        if why := peer_simulators.install(name):
-            results.missing[name] = why
+        why_not = peer_simulators.install(name)
+        if why_not:
+            results.missing[name] = why_not
             continue
         results.peers[name] = {}
         for n in ROBOTS:
@@ -255,25 +220,32 @@ def _start(results: Results, say: Say) -> None:
 def _lockstep(results: Results, say: Say) -> None:
     for name, (scenario, hosts, ticks) in LOCKSTEP_RUNS.items():
         say(f"lockstep, {name}: what is attainable")
-        options, profile = OPTIONS[scenario], results.start[scenario]
+        options = OPTIONS[scenario]
+        profile = results.start[scenario]
         if hosts == "each":
             profile = program.profile_run(options, hosts, PROFILE_TICKS)
         trace = program.trace_of(options, hosts, ticks, profile.sizes)
         messages = 1.0 / median(floor.ticks_per_second(trace) for _ in range(ROUNDS))
         chain = program.chain_seconds(options, hosts, ticks)
-        rounds, rate = [], partial(program.lockstep_ticks_per_second, options, hosts)
+        rate = partial(program.lockstep_ticks_per_second, options, hosts)
+        plain = []
+        ignored = []
+        recorded = []
         for number in range(1, ROUNDS + 1):
             say(f"lockstep, {name}: with holds, holds ignored, recording, {number} of {ROUNDS}")
-            rounds.append(
-                [rate(ticks), rate(ticks // 2, "--ignore-holds"), rate(ticks, record=True)]
-            )
+            plain.append(rate(ticks))
+            # Half as many ticks: they take at least twice as long.
+            ignored.append(rate(ticks // 2, "--ignore-holds"))
+            recorded.append(rate(ticks, record=True))
         results.lockstep[name] = Lockstep(
-            hosts,
-            trace.asked,
-            trace.requests,
-            messages,
-            chain,
-            *map(median, zip(*rounds, strict=True)),
+            hosts=hosts,
+            asked=trace.asked,
+            requests=trace.requests,
+            messages=messages,
+            chain=chain,
+            plain=median(plain),
+            ignored=median(ignored),
+            recorded=median(recorded),
         )
 
 
@@ -283,14 +255,18 @@ def _realtime(results: Results, say: Say) -> None:
 
 
 SECTIONS = (_core, _peers, _local, _start, _lockstep, _realtime)
-STEPS = (
-    1 * len(ROBOTS) + 3 * (len(ROBOTS) + 1) + 3 + 3 + (1 + ROUNDS) * len(LOCKSTEP_RUNS) + 1
-)  # calls of `say` if nothing fails
+# Calls of `say` in each section, if nothing fails.
+_STEPS_OF_PEERS = len(peer_simulators.PACKAGES) * (1 + len(ROBOTS))
+_STEPS_OF_LOCAL = 1 + len(OPTIONS)
+_STEPS_OF_START = 1 + len(OPTIONS)
+_STEPS_OF_LOCKSTEP = (1 + ROUNDS) * len(LOCKSTEP_RUNS)
+STEPS = len(ROBOTS) + _STEPS_OF_PEERS + _STEPS_OF_LOCAL + _STEPS_OF_START + _STEPS_OF_LOCKSTEP + 1
 
 
 def measure(say: Say) -> Results:
     """Run all benchmarks. `say` gets a line before each."""
-    results, before = Results(), os.getloadavg()[0]
+    results = Results()
+    before = os.getloadavg()[0]
     for section in SECTIONS:
         section(results, say)
     results.load = (before, os.getloadavg()[0])

@@ -8,9 +8,9 @@ import venv
 from pathlib import Path
 
 HERE = Path(__file__).parent
-ENVIRONMENTS = (
-    HERE.parent / ".bench"
-)  # one for each simulator: IR-SIM and irsim-x both install a package `irsim`
+# Each simulator has a virtual environment of its own there: IR-SIM and irsim-x both install a
+# package `irsim`.
+ENVIRONMENTS = HERE.parent / ".bench"
 DRIVERS = {
     "IR-SIM": "irsim_driver.py",
     "irsim-x": "irsim_driver.py",
@@ -43,7 +43,9 @@ def install(name: str) -> str:
     """Create the environment of a simulator unless it exists. Return '', or why that failed."""
     home = ENVIRONMENTS / name
     package = (PACKAGES | LEARNING_PACKAGES)[name]
-    if (home / "ready").exists() and (home / "ready").read_text() == package:
+    # This file is written last, and names the version.
+    ready = home / "ready"
+    if ready.exists() and ready.read_text() == package:
         return ""
     venv.create(home, clear=True, with_pip=True)
     command = [
@@ -58,7 +60,7 @@ def install(name: str) -> str:
     process = subprocess.run(command, capture_output=True, check=False, text=True)
     if process.returncode:
         return (process.stderr.strip().splitlines() or ["pip failed"])[-1]
-    (home / "ready").write_text(package)
+    ready.write_text(package)
     return ""
 
 
@@ -74,6 +76,7 @@ def steps_per_second(name: str, robots: int, seconds: float) -> float:
         capture_output=True,
         check=False,
         text=True,
+        # `seconds` are of processor time, so they may take much longer.
         timeout=START_SECONDS + 10 * seconds,
     )
     if process.returncode:
@@ -83,7 +86,7 @@ def steps_per_second(name: str, robots: int, seconds: float) -> float:
 
 def agent_steps(name: str, *words: str) -> list[float]:
     """Return the agent steps a second of processor time of a simulator for learning, of several
-    measurements. `words`: what its driver is told.
+    measurements. `words`: the arguments of its driver.
 
     Raises RuntimeError where it cannot be installed, or fails.
     """

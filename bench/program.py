@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import mean, median
 from tempfile import TemporaryDirectory
@@ -33,7 +34,8 @@ from orchard.wire.messages import Answered, Letter
 ROOT = Path(__file__).parents[1]
 MEGABYTE = 1e6
 RUN = "0123456789abcdef"  # as long as the id of a run
-START_SECONDS = 60.0
+START_SECONDS = 60.0  # that a run may take to start, or to end
+TICKS_PER_SECOND = 10
 
 
 def scenario(options: list[str]) -> Scenario:
@@ -61,16 +63,26 @@ def local_figures(options: list[str], ticks: int, repeats: int = 5) -> LocalFigu
     """Measure `repeats` times `ticks` ticks from the beginning of a harvest, with holds and with
     holds ignored in turns. Return medians.
     """
-    on, ignored = (Local(scenario(options), holds=holds) for holds in (Lookahead, IgnoredHolds))
-    for local in (on, ignored):
+    with_holds = Local(scenario(options), holds=Lookahead)
+    without = Local(scenario(options), holds=IgnoredHolds)
+    # The first tick loads the compiled kernels.
+    for local in (with_holds, without):
         local.tick()
-    rates = [(_rate(on, ticks), _rate(ignored, ticks)) for _ in range(repeats)]
+    rates = []
+    rates_ignored = []
+    for _ in range(repeats):
+        rates.append(_rate(with_holds, ticks))
+        rates_ignored.append(_rate(without, ticks))
     return LocalFigures(
-        len(on.agents), on.engine.asked_share, *map(median, zip(*rates, strict=True))
+        agents=len(with_holds.agents),
+        asked=with_holds.engine.asked_share,
+        rate=median(rates),
+        ignored=median(rates_ignored),
     )
 
 
 def _rate(local: Local, ticks: int) -> float:
+    """Return the ticks/s of the next ticks of a run."""
     begun = time.perf_counter()
     for _ in range(ticks):
         local.tick()
@@ -78,12 +90,16 @@ def _rate(local: Local, ticks: int) -> float:
 
 
 class _Timed:
-    """An agent whose time is added up."""
+    """An agent whose time is added up. Its holds count, as those of the agent."""
 
     holds = True
 
     def __init__(self, agent: Agent, spent: list[float], process: int) -> None:
-        self.Memory, self._agent, self._spent, self._process = agent.Memory, agent, spent, process
+        """`spent`: s of each process, of which that of `process` grows."""
+        self.Memory = agent.Memory
+        self._agent = agent
+        self._spent = spent
+        self._process = process
 
     def tick(self, observation: Observation, mail: Mail, memory: Any) -> Action:
         begun = time.perf_counter()
@@ -96,53 +112,58 @@ def chain_seconds(options: list[str], hosts: str, ticks: int) -> float:
     """Return the mean time of the longest chain of computing in a tick, s: physics, and then the
     process whose agents take longest.
     """
-    local, total = Local(scenario(options)), 0.0
-    processes = shares(list(local.agents), 0 if hosts == "each" else int(hosts))
+    local = Local(scenario(options))
+    processes = _processes_of(local, hosts)
     spent = [0.0] * len(processes)
-    agents: dict[str, Any] = {
-        name: _Timed(local.agents[name], spent, i)
-        for i, (_, names) in enumerate(processes)
-        for name in names
-    }
+    agents: dict[str, Any] = {}
+    for number, names in enumerate(processes):
+        for name in names:
+            agents[name] = _Timed(local.agents[name], spent, number)
     local.agents = agents
+    total = 0.0
     for _ in range(ticks):
+        # The agents have this list, so it is filled anew, and not replaced.
         spent[:] = [0.0] * len(spent)
         begun = time.perf_counter()
         local.tick()
-        total += time.perf_counter() - begun - sum(spent) + max(spent)
+        of_physics = time.perf_counter() - begun - sum(spent)
+        total += of_physics + max(spent)
     return total / ticks
+
+
+def _processes_of(local: Local, hosts: str) -> list[Sequence[str]]:
+    """Return the agents of each process. `hosts`: their number, or 'each' for one process each."""
+    count = 0 if hosts == "each" else int(hosts)
+    return [names for _, names in shares(list(local.agents), count)]
 
 
 def trace_of(options: list[str], hosts: str, ticks: int, sizes: dict[str, int]) -> floor.Trace:
     """Return the messages of the first ticks of a lockstep run, with these mean sizes of `seen` and
     `velocities`, bytes.
     """
-    local, found = Local(scenario(options)), []
-    processes = shares(list(local.agents), 0 if hosts == "each" else int(hosts))
-    process = {name: i for i, (_, names) in enumerate(processes) for name in names}
-    letters, replies = list[int](), list[int]()
+    local = Local(scenario(options))
+    processes = _processes_of(local, hosts)
+    # Agent -> the number of its process.
+    process: dict[str, int] = {}
+    for index, names in enumerate(processes):
+        process |= dict.fromkeys(names, index)
+    trace = []
+    # Bytes of each request, and of each answer.
+    requests: list[int] = []
+    answers: list[int] = []
     for tick in range(ticks):
         local.tick()
-        sent = [
-            (name, number, *request)
-            for name, action in local.answers.items()
-            for number, request in enumerate(action.requests)
-        ]
-        letters += [
-            len(pack(Letter(RUN, tick, name, number, body))) for name, number, _, body in sent
-        ]
-        replies += [
-            len(pack(Answered(RUN, tick, body)))
-            for action in local.answers.values()
-            for _, body in action.answers
-        ]
+        ways = []
+        for name, action in local.answers.items():
+            for number, (to, body) in enumerate(action.requests):
+                requests.append(len(pack(Letter(RUN, tick, name, number, body))))
+                ways.append((process[name], process[to]))
+            for _, answer in action.answers:
+                answers.append(len(pack(Answered(RUN, tick, answer))))
         asked = sorted({process[name] for name in local.answers})
-        found.append(floor.Tick(asked, [(process[name], process[to]) for name, _, to, _ in sent]))
-    return floor.Trace(
-        len(processes),
-        floor.Sizes(**sizes, request=round(mean(letters)), answer=round(mean(replies))),
-        found,
-    )
+        trace.append(floor.Tick(asked, ways))
+    of_mail = {"request": round(mean(requests)), "answer": round(mean(answers))}
+    return floor.Trace(len(processes), floor.Sizes(**sizes, **of_mail), trace)
 
 
 # -- lockstep
@@ -170,7 +191,9 @@ def lockstep_ticks_per_second(
 
 
 def _run(options: list[str], hosts: str, ticks: int) -> list[str]:
-    return [sys.executable, "run.py", *options, "--hosts", hosts, "--duration", f"{ticks / 10:g}"]
+    """Return the command of a run of so many ticks."""
+    seconds = f"{ticks / TICKS_PER_SECOND:g}"
+    return [sys.executable, "run.py", *options, "--hosts", hosts, "--duration", seconds]
 
 
 class RunProfile(NamedTuple):
@@ -185,6 +208,7 @@ def profile_run(options: list[str], hosts: str, ticks: int) -> RunProfile:
     """Start run.py and record all messages for `ticks` ticks."""
     begun = time.perf_counter()
     endpoint = with_port(LOOPBACK)
+    # The run is much longer than what is recorded, and is ended then.
     command = [*_run(options, hosts, 10 * ticks), "--record", "none", "--listen", endpoint]
     popen = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL)
     try:
@@ -198,6 +222,7 @@ def profile_run(options: list[str], hosts: str, ticks: int) -> RunProfile:
 
 
 def _command(process: psutil.Process) -> list[str]:
+    """Return the command line of a process; nothing if it has ended."""
     try:
         return list(process.cmdline())
     except psutil.Error:
@@ -205,33 +230,37 @@ def _command(process: psutil.Process) -> list[str]:
 
 
 def _received(bus: Bus, ticks: int) -> tuple[float, list[Sample]]:
-    """The time of the first clock message (perf_counter), and all samples of `ticks` ticks from
-    then on.
+    """Return the time of the first clock message (perf_counter), and all samples of `ticks` ticks
+    from then on.
     """
-    first, clocks, samples = 0.0, 0, []
+    first = 0.0
+    clocks = 0
+    samples = []
     while clocks <= ticks:
         item = bus.inbox.take(START_SECONDS)
         if item is None:
             raise RuntimeError(f"run.py sent no message for {START_SECONDS:g} s")
         if isinstance(item, Sample):
             if item.key.endswith("/clock"):
-                first, clocks = first or time.perf_counter(), clocks + 1
+                first = first or time.perf_counter()
+                clocks += 1
             if clocks:
                 samples.append(item)
     return first, samples
 
 
 def _memory(program: psutil.Process) -> dict[str, float]:
-    found: dict[str, float] = defaultdict(float)
+    """Return the memory of the processes of a run: module -> MB, resident, of the largest one."""
+    largest: dict[str, float] = defaultdict(float)
     for child in program.children(recursive=True):
-        command = _command(child)
-        for module in (word for word in command if word.startswith("orchard.")):
-            found[module] = max(found[module], child.memory_info().rss / MEGABYTE)
-    return dict(found)
+        for word in _command(child):
+            if word.startswith("orchard."):
+                largest[word] = max(largest[word], child.memory_info().rss / MEGABYTE)
+    return dict(largest)
 
 
 def _sizes(samples: list[Sample]) -> dict[str, int]:
-    """The mean sizes of the messages between physics and one process that is asked, bytes."""
+    """Return the mean sizes of the messages between physics and a process that is asked, bytes."""
     sizes = defaultdict(list)
     for sample in samples:
         sizes[sample.key.rsplit("/", 1)[1]].append(len(sample.payload))
@@ -257,25 +286,19 @@ def realtime_figures(seconds: int) -> RealtimeFigures:
     Return its processor load, measured for `seconds` after 20 ticks, and its delays.
     """
     with TemporaryDirectory() as folder:
-        path, endpoint = Path(folder) / "summary.json", with_port(LOOPBACK)
-        how = [
-            "--mode",
-            "realtime",
-            "--record",
-            "none",
-            "--summary",
-            str(path),
-            "--listen",
-            endpoint,
-        ]
-        popen = subprocess.Popen(
-            [*_run([], "each", 10 * (seconds + 4)), *how], cwd=ROOT, stdout=subprocess.DEVNULL
-        )
+        path = Path(folder) / "summary.json"
+        endpoint = with_port(LOOPBACK)
+        # 2 s before the measurement, and 2 s after it.
+        command = _run([], "each", TICKS_PER_SECOND * (seconds + 4))
+        command += ["--mode", "realtime", "--record", "none"]
+        command += ["--summary", str(path), "--listen", endpoint]
+        popen = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL)
         with client(endpoint, seconds=START_SECONDS) as bus:
             bus.subscribe(Keys().of("clock"))
             _received(bus, 20)
             begun = _processor_seconds(popen.pid)
-            _received(bus, 10 * seconds - 1)
+            # Up to the clock message that ends the time: the first one of `_received` begins it.
+            _received(bus, TICKS_PER_SECOND * seconds - 1)
             used = _processor_seconds(popen.pid) - begun
         popen.wait(timeout=START_SECONDS)
         summary = json.loads(path.read_text())
@@ -290,10 +313,13 @@ def realtime_figures(seconds: int) -> RealtimeFigures:
 
 
 def _processor_seconds(pid: int) -> float:
-    """Processor time of a process and of all its descendants."""
+    """Return the processor time of a process and of all its descendants, s."""
     program = psutil.Process(pid)
-    times = [process.cpu_times() for process in [program, *program.children(recursive=True)]]
-    return float(sum(each.user + each.system for each in times))
+    seconds = 0.0
+    for process in [program, *program.children(recursive=True)]:
+        used = process.cpu_times()
+        seconds += used.user + used.system
+    return seconds
 
 
 # -- memory
@@ -314,6 +340,7 @@ def physics_megabytes(robots: int) -> float:
 
 
 def _print_memory(robots: int) -> None:
+    """Print the memory of this process, as `physics_megabytes` wants it."""
     import orchard.processes.physics  # noqa: F401
     from bench.core import drive
 

@@ -84,11 +84,13 @@ def _machine(results: Results) -> str:
 
 
 def _processor() -> str:
-    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
-    return next(
-        (line.partition(":")[2].strip() for line in lines if line.startswith("model name")),
-        platform.processor() or "unknown",
-    )
+    """Return the name of the processor."""
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        for line in cpuinfo.read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or "unknown"
 
 
 def _core(results: Results) -> str:
@@ -98,24 +100,22 @@ def _core(results: Results) -> str:
         rows.append([PACKAGES[name].replace("==", " "), *(rate(figures.get(n)) for n in ROBOTS)])
     quoted = [name for name in QUOTED if name not in results.peers]
     rows += [[f"{name}, *quoted*", *map(rate, QUOTED[name])] for name in quoted]
-    note = "".join(
-        f"\n\n{name} could not be installed ({why}): its figures are quoted."
-        for name, why in results.missing.items()
-    )
-    growth = [
-        [
-            "time of one robot's step, us, in a field that grows with N",
-            *(f"{results.growing[n]:.2f}" for n in ROBOTS),
-        ]
-    ]
-    return f"## The core\n\n{table(head, rows)}{note}\n\n{table(['', *map(str, ROBOTS)], growth)}"
+    notes = ""
+    for name, why in results.missing.items():
+        notes += f"\n\n{name} could not be installed ({why}): its figures are quoted."
+    growth = ["time of one robot's step, us, in a field that grows with N"]
+    growth += [f"{results.growing[n]:.2f}" for n in ROBOTS]
+    growing = table(["", *map(str, ROBOTS)], [growth])
+    return f"## The core\n\n{table(head, rows)}{notes}\n\n{growing}"
 
 
 def _goals(results: Results) -> str:
+    """Return how many goals are met, and which are not."""
     goals = results.goals()
-    missed = [
-        f"{goal}, {got} where {wanted} is wanted" for goal, wanted, got, met in goals if not met
-    ]
+    missed = []
+    for goal, wanted, measured, is_met in goals:
+        if not is_met:
+            missed.append(f"{goal}, {measured} where {wanted} is wanted")
     return (
         f"Of {len(goals)} goals (`bench/measure.py`) {len(goals) - len(missed)} are met; not met:"
         f" {'; '.join(missed) or 'none'}."

@@ -61,6 +61,7 @@ def _robot(x: float, y: float, yaw: float) -> dict[str, Any]:
         "kinematics": {"name": "diff"},
         "shape": {"name": "rectangle", "length": field.ROBOT_LENGTH, "width": field.ROBOT_WIDTH},
         "state": [x, y, yaw],
+        # Far away: a robot at its goal would stop.
         "goal": [1000, 1000, 0],
         "vel_max": [field.SPEED, field.TURN],
         "vel_min": [-field.SPEED, -field.TURN],
@@ -74,9 +75,8 @@ def main(robots: int, seconds: float) -> None:
         yaml.safe_dump(world(field.field(robots)), file)
         file.flush()
         simulator = irsim.make(file.name, display=False, disable_all_plot=True, log_level="ERROR")
-    wanted = [
-        list(step) for step in field.velocities(robots, MOST_STEPS)[:, :, :, None]
-    ]  # [step][robot]: (2, 1), m/s and rad/s
+    # For each step and robot an array (2, 1), m/s and rad/s.
+    wanted = [list(step) for step in field.velocities(robots, MOST_STEPS)[:, :, :, None]]
     ids = list(range(robots))
     run(lambda k: simulator.step(wanted[k], ids), seconds)
 

@@ -27,6 +27,7 @@ def main() -> None:
     shape = (warehouses, env.num_agents)
 
     def step(state, key):
+        # An agent has five actions.
         actions = jax.random.randint(key, shape, 0, 5)
         state, timestep = many.step(state, actions)
         return state, timestep.reward.sum()

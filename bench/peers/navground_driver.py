@@ -23,7 +23,7 @@ RADIUS = math.sqrt(field.ROBOT_LENGTH * field.ROBOT_WIDTH / math.pi)  # m
 
 def world(area: field.Field) -> sim.World:
     """Return navground's world with the walls and robots of the field."""
-    made = sim.World()
+    navground_world = sim.World()
     for x, y, half_x, half_y in area.walls.tolist():
         corners = [
             (x - half_x, y - half_y),
@@ -32,21 +32,21 @@ def world(area: field.Field) -> sim.World:
             (x - half_x, y + half_y),
         ]
         for start, end in zip(corners, corners[1:] + corners[:1], strict=True):
-            made.add_wall(sim.Wall(start, end))
+            navground_world.add_wall(sim.Wall(start, end))
     for x, y, yaw in area.starts.tolist():
         kinematics = core.kinematics.TwoWheelsDifferentialDriveKinematics(
             field.SPEED, field.ROBOT_WIDTH, field.TURN
         )
         agent = sim.Agent(RADIUS, core.behaviors.DummyBehavior(kinematics, RADIUS), kinematics)
         agent.pose = core.Pose2((x, y), yaw)
-        made.add_agent(agent)
-    return made
+        navground_world.add_agent(agent)
+    return navground_world
 
 
-def lasers(made: sim.World) -> list[tuple]:
+def lasers(navground_world: sim.World) -> list[tuple]:
     """Return (laser, robot, state that receives the ranges) for each robot."""
     sensors = []
-    for agent in made.agents:
+    for agent in navground_world.agents:
         laser = sim.state_estimations.LidarStateEstimation(
             field.RANGE, -math.pi / 2, math.pi, field.BEAMS, (field.ROBOT_LENGTH / 2, 0.0)
         )
@@ -58,18 +58,21 @@ def lasers(made: sim.World) -> list[tuple]:
 
 def main(robots: int, seconds: float) -> None:
     """Print how many steps a second navground makes with so many robots."""
-    made, wanted = world(field.field(robots)), field.velocities(robots, MOST_STEPS)
-    agents, sensors = made.agents, lasers(made)
+    navground_world = world(field.field(robots))
+    wanted = field.velocities(robots, MOST_STEPS)
+    agents = navground_world.agents
+    sensors = lasers(navground_world)
 
     def step(k: int) -> None:
+        # Velocities change only every KEEP steps.
         if k % field.KEEP == 0:
             for agent, (forward, turn) in zip(agents, wanted[k].tolist(), strict=True):
                 agent.behavior.target = core.Target.Twist(
                     core.Twist2((forward, 0.0), turn, core.Frame.relative)
                 )
-        made.update(field.STEP)
+        navground_world.update(field.STEP)
         for laser, agent, ranges in sensors:
-            laser.update(agent, made, ranges)
+            laser.update(agent, navground_world, ranges)
 
     run(step, seconds)
 

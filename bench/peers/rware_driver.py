@@ -11,6 +11,7 @@ import sys
 import time
 
 import gymnasium
+import numpy as np
 import rware  # noqa: F401 - it registers the environments
 
 REPEATS = 5
@@ -27,7 +28,8 @@ def main() -> None:
         begun = time.process_time()
         for _ in range(steps):
             _, _, is_done, is_cut, _ = env.step(env.action_space.sample())
-            if is_cut or (all(is_done) if isinstance(is_done, list | tuple) else is_done):
+            # By the version of rware it is one truth value, or one for each agent.
+            if is_cut or np.all(is_done):
                 env.reset()
         rates.append(steps * env.n_agents / (time.process_time() - begun))
     print(json.dumps({"agent_steps_per_second": rates}))

@@ -3,8 +3,9 @@ velocity: zenoh and msgpack.
 
     python foreign_holder.py ENDPOINT NAME
 
-It walks on until something is in the zone before it, and then turns on the spot. It is asked only
-when its hold ends.
+It walks on until something is in the zone before it, and then turns on the spot. With each velocity
+it sends a hold, for which the velocity stands without an answer: up to a tick, or until something
+comes into the zone, or leaves it. So it is asked only when its hold ends.
 """
 
 import math
@@ -15,8 +16,10 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 from foreign_host import Host, opened
 
+# m from its centre: ahead from and to, to the left from and to.
 ZONE = (0.0, 1.5, -0.5, 0.5)
-HELD = 40  # ticks
+HELD = 40  # ticks of a hold, at most
+BEAMS = 180  # of its laser, over half a turn, from the right to the left
 
 
 def main(endpoint, name):
@@ -37,25 +40,26 @@ def main(endpoint, name):
 
 
 def drive(seen):
-    """The answer to what the only body sees."""
-    ranges = struct.unpack(f"<{len(seen['ranges']) // 4}f", seen["ranges"])
-    free = not any(
-        enter <= r < leave
-        for r, (enter, leave) in zip(ranges, map(span, range(len(ranges))), strict=True)
-    )
+    """Return what to do: walk on at 0.5 m/s, or turn at 0.5 rad/s."""
+    ranges = struct.unpack(f"<{BEAMS}f", seen["ranges"])
+    twist = [0.5, 0.0, 0.0]
+    for beam, distance in enumerate(ranges):
+        enters, leaves = span(beam)
+        if enters <= distance < leaves:
+            twist = [0.0, 0.0, 0.5]
     hold = {"until": seen["tick"] + HELD, "watch": [ZONE]}
-    twist = [0.5, 0.0, 0.0] if free else [0.0, 0.0, 0.5]
     return {"twist": twist, "once": True, "doing": "walking", "state": "driving", "hold": hold}
 
 
 def span(beam):
-    """The ranges at which a beam of 180 enters and leaves the zone."""
-    angle = -math.pi / 2 + beam * math.pi / 179
-    x, y = (
-        sorted(limit / part for limit in limits)
-        for part, limits in ((math.cos(angle), ZONE[:2]), (math.sin(angle), ZONE[2:]))
-    )
-    return max(0.0, x[0], y[0]), min(x[1], y[1])
+    """Return the ranges at which a beam enters and leaves the zone."""
+    angle = -math.pi / 2 + beam * math.pi / (BEAMS - 1)
+    behind, ahead, right, left = ZONE
+    # A beam has gone `range * cosine` ahead and `range * sine` to the left. It is in the zone where
+    # both are within the zone's limits.
+    enters_ahead, leaves_ahead = sorted(limit / math.cos(angle) for limit in (behind, ahead))
+    enters_aside, leaves_aside = sorted(limit / math.sin(angle) for limit in (right, left))
+    return max(0.0, enters_ahead, enters_aside), min(leaves_ahead, leaves_aside)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,11 @@
-"""An agent in lockstep by keyspace.md and docs/protocol.md alone: zenoh, msgpack, and nothing of
-this program. See foreign_carrier.py.
+"""A host of one agent in lockstep, written from keyspace.md and docs/protocol.md alone: zenoh,
+msgpack, and nothing of this program. foreign_carrier.py and foreign_holder.py run their agents in
+it.
+
+At each tick at which the agent is asked, physics sends what it sees. The tick is complete when all
+requests of others to the agent are here, and all answers to its own requests. Then the agent
+decides, and its velocity, requests and answers are sent. A request of tick k is heard in tick k +
+1, and its answer in tick k + 2.
 """
 
 import hashlib
@@ -12,10 +18,16 @@ import msgpack
 import zenoh
 from zenoh.handlers import Callback
 
+# The id of this session: letters and digits that no other session uses.
 SESSION = "foreignclient"
+TRIES = 50  # of a query or a join, before the host gives up
+AGAIN_SECONDS = 0.1  # between two of them
+MAIL_SECONDS = 1.0  # for which a tick waits for its mail, before physics is asked for copies
+GET_SECONDS = 10.0  # for which a request of the agent waits for its answer
 
 
 def opened(endpoint):
+    """Open a session with the router at an endpoint."""
     config = zenoh.Config()
     settings = {
         "mode": "client",
@@ -33,17 +45,28 @@ class RunOver(Exception):
 
 
 class Host:
-    """Holds one agent: what arrives, when a tick is complete, what is sent."""
+    """Holds one agent: what arrives, when a tick is complete, what is sent.
+
+    Zenoh's threads put what arrives into `inbox`, and the thread of `ticks` takes it from there.
+    """
 
     def __init__(self, session, name):
-        self.session, self.name, self.inbox = session, name, queue.Queue()
+        """Join the run with the agent of this name."""
+        self.session = session
+        self.name = name
+        self.inbox = queue.Queue()
         self.info = self.query("scenario")
-        self.run, self.answer = self.info["run"], b""
-        put = lambda sample: self.inbox.put((sample.key_expr, sample.payload.to_bytes()))  # noqa: E731
-        self.heard_keys = [
-            session.declare_subscriber(f"orchard/{key}", put)
-            for key in (f"hosts/{SESSION}/seen", "lost", "end")
-        ]
+        self.run = self.info["run"]
+        # The newest message `velocities`, as bytes.
+        self.answer = b""
+
+        def put(sample):
+            self.inbox.put((sample.key_expr, sample.payload.to_bytes()))
+
+        # Zenoh ends a subscription that nothing refers to.
+        self.subscribers = []
+        for key in (f"hosts/{SESSION}/seen", "lost", "end"):
+            self.subscribers.append(session.declare_subscriber(f"orchard/{key}", put))
         self.mail = session.declare_queryable(
             f"orchard/{name}/mail", lambda query: self.inbox.put(("query", query))
         )
@@ -52,42 +75,50 @@ class Host:
 
     def query(self, key, message=None, seconds=5.0):
         """The reply to a query, which is repeated until one comes."""
-        payload = b"" if message is None else msgpack.packb({"run": self.run} | message)
-        for _ in range(50):
+        payload = b""
+        if message is not None:
+            payload = msgpack.packb({"run": self.run} | message)
+        for _ in range(TRIES):
             for reply in self.session.get(f"orchard/{key}", payload=payload, timeout=seconds):
                 if reply.ok:
                     return msgpack.unpackb(reply.ok.payload.to_bytes())
-            time.sleep(0.1)
+            time.sleep(AGAIN_SECONDS)
         raise SystemExit(f"no reply to {key}")
 
     def join(self):
-        for _ in range(50):
+        """Own the agent from now on, after the first join or when physics has lost the agent."""
+        for _ in range(TRIES):
             joined = self.query(f"hosts/{SESSION}/join", {"owner": SESSION, "names": [self.name]})
             if not joined["refused"]:
                 break
-            time.sleep(0.1)
+            # Physics learns of the liveliness token a moment later.
+            time.sleep(AGAIN_SECONDS)
         else:
             raise SystemExit(joined["refused"][self.name])
-        self.joined, self.last, self.seen = joined["tick"], joined["tick"] - 1, None
-        self.waiting, self.asked = (
-            {},
-            {},
-        )  # (sender, tick, number) -> [query, letter]; tick -> the requests of mine
+        # The tick of the join, the newest tick that was answered, and what is seen now.
+        self.joined = joined["tick"]
+        self.last = self.joined - 1
+        self.seen = None
+        # Requests of others that wait: (sender, tick, number) -> (query, body).
+        self.waiting = {}
+        # Requests of the agent: tick -> list of maps with `to`, `number`, `body`, and how far each
+        # is: `final` when nothing more comes, `answered` when its `answer` is here.
+        self.asked = {}
 
     def ticks(self, decide):
         """Answer ticks until the run ends.
 
-        `decide`: of seen, the requests heard and my requests with their answers; returns a drive,
-        requests and answers.
+        `decide`: takes what is seen, the requests that are heard, and the agent's own requests of
+        two ticks ago with their answers. It returns what to do, requests, and answers.
         """
         with suppress(RunOver):
             while True:
                 seen = self.next_seen()
                 heard, mine = self.heard(seen)
                 drive, requests, answers = decide(seen, heard, mine)
-                drive["mail"] = digest_of(
-                    heard, [[r["to"], r["number"], r["answer"]] for r in mine]
-                )
+                replies = [[own["to"], own["number"], own["answer"]] for own in mine]
+                # By the digest physics sees that the agent has heard all that it should.
+                drive["mail"] = digest_of(heard, replies)
                 drive |= {"requests": requests, "answers": answers}
                 self.send(drive, requests, answers)
         self.token.undeclare()
@@ -96,18 +127,20 @@ class Host:
     # what arrives
 
     def next_seen(self):
+        """Wait for a tick that is not answered yet, and return what is seen then."""
         while self.seen is None or self.seen["tick"] <= self.last:
             self.take(self.inbox.get())
-        if (
-            self.last < self.joined < self.seen["tick"]
-        ):  # physics went on with an answer from before the join
+        has_missed_join = self.last < self.joined < self.seen["tick"]
+        if has_missed_join:
+            # Physics has gone on with an answer of before the join.
             self.join()
             return self.next_seen()
         return self.seen
 
     def take(self, item):
-        what, *rest = item
-        match str(what).removeprefix("orchard/"), rest:
+        """Take what has arrived: a key and its payload, or a word and what belongs to it."""
+        key, *rest = item
+        match str(key).removeprefix("orchard/"), rest:
             case "query", [query]:
                 self.hold(query)
             case "reply", [request, payload]:
@@ -127,18 +160,21 @@ class Host:
                 self.see(msgpack.unpackb(payload))
 
     def see(self, seen):
+        """Take what is seen at a tick. Physics sends it again if it has missed the answer."""
         if seen["tick"] == self.last:
             self.publish()
         elif seen["tick"] > self.last:
             self.seen = seen
 
     def hold(self, query):
+        """Keep a request until the tick in which it is answered, and reply that it is here."""
         letter = msgpack.unpackb(query.payload.to_bytes())
         if letter["run"] != self.run or letter["tick"] not in (self.last, self.last + 1):
             query.reply_err(b"past tick")
             query.drop()
             return
         key = letter["sender"], letter["tick"], letter["number"]
+        # It may come twice: then the second query gets the answer.
         if key in self.waiting:
             self.waiting[key][0].drop()
         self.waiting[key] = query, letter["body"]
@@ -150,57 +186,65 @@ class Host:
     # the mail of a tick
 
     def heard(self, seen):
-        """Return the requests, [sender, tick, number, body], and my own requests of two ticks ago
-        with their answers, in their order.
+        """Return the requests, [sender, tick, number, body], and the agent's own requests of two
+        ticks ago with their answers, each in its order.
         """
-        tick, wanted = (
-            seen["tick"],
-            [(sender, seen["tick"] - 1, number) for _, sender, number in seen["asked"]],
-        )
-        mine, deadline = self.asked.pop(tick - 2, []), time.monotonic() + 1.0
-        is_new = tick <= self.joined + 1
-        while (
-            not is_new
-            and not (all(k in self.waiting for k in wanted) and all(r["final"] for r in mine))
-            and time.monotonic() < deadline
-        ):
+        tick = seen["tick"]
+        # What of the mail must be here: physics tells which requests were sent.
+        wanted = [(sender, tick - 1, number) for _, sender, number in seen["asked"]]
+        mine = self.asked.pop(tick - 2, [])
+        # After a join this session has not got the mail of the ticks before.
+        if tick <= self.joined + 1:
+            return self.recalled(tick)
+        deadline = time.monotonic() + MAIL_SECONDS
+        while not self.is_mail_here(wanted, mine, "final") and time.monotonic() < deadline:
             with suppress(queue.Empty):
                 self.take(self.inbox.get(timeout=0.1))
-        if is_new or not (
-            all(k in self.waiting for k in wanted) and all(r["answered"] for r in mine)
-        ):
+        if not self.is_mail_here(wanted, mine, "answered"):
             return self.recalled(tick)
-        requests = [[*key, body] for key, (_, body) in self.waiting.items() if key[1] == tick - 1]
+        requests = []
+        for key, (_, body) in self.waiting.items():
+            sent_at = key[1]
+            if sent_at == tick - 1:
+                requests.append([*key, body])
         return in_order(requests), mine
 
+    def is_mail_here(self, wanted, mine, progress):
+        """Whether all requests that are wanted are here, and all of the agent's own requests have
+        come so far: 'final' or 'answered'.
+        """
+        has_requests = all(key in self.waiting for key in wanted)
+        return has_requests and all(request[progress] for request in mine)
+
     def recalled(self, tick):
-        """The same, from the copies of physics."""
+        """Return the same as `heard`, from the copies that physics keeps."""
         letters = dict(self.query("recall", {"tick": tick})["letters"])
-        requests, answers = [], {}
+        requests = []
+        answers = {}
         for sender, written in letters.get(tick - 1, {}).items():
-            requests += [
-                [sender, tick - 1, n, body]
-                for n, (to, body) in enumerate(written["requests"])
-                if to == self.name
-            ]
-            answers |= {
-                (sender, n): body
-                for to, at, n, body in written["answers"]
-                if (to, at) == (self.name, tick - 2)
-            }
-        mine = letters.get(tick - 2, {}).get(self.name, {"requests": []})["requests"]
-        asked = [
-            {"to": to, "number": number, "body": body} for number, (to, body) in enumerate(mine)
-        ]
-        return in_order(requests), [
-            request | {"answer": answers.get((request["to"], request["number"]))}
-            for request in asked
-        ]
+            for number, (to, body) in enumerate(written["requests"]):
+                if to == self.name:
+                    requests.append([sender, tick - 1, number, body])
+            for to, asked_at, number, body in written["answers"]:
+                if (to, asked_at) == (self.name, tick - 2):
+                    answers[sender, number] = body
+        own = letters.get(tick - 2, {}).get(self.name, {"requests": []})
+        mine = []
+        for number, (to, body) in enumerate(own["requests"]):
+            answer = answers.get((to, number))
+            mine.append({"to": to, "number": number, "body": body, "answer": answer})
+        return in_order(requests), mine
 
     # what is sent
 
     def send(self, drive, requests, answers):
-        tick = self.last = self.seen["tick"]
+        """Send what the agent does in this tick, its requests, and its answers.
+
+        `requests`: [to, body]. `answers`: [sender, tick, number, body] of the request, and the body
+        of the answer.
+        """
+        tick = self.seen["tick"]
+        self.last = tick
         velocities = {
             "run": self.run,
             "tick": tick,
@@ -209,49 +253,54 @@ class Host:
         }
         self.answer = msgpack.packb(velocities)
         self.publish()
-        new = {"tick": tick, "final": False, "answered": False}
-        self.asked[tick] = [
-            new | {"to": to, "number": number, "body": body}
-            for number, (to, body) in enumerate(requests)
-        ]
-        for request in self.asked[tick]:
+        self.asked[tick] = []
+        for number, (to, body) in enumerate(requests):
+            request = {"tick": tick, "to": to, "number": number, "body": body}
+            request |= {"final": False, "answered": False}
+            self.asked[tick].append(request)
             self.get(request)
-        self.close({(to, at, n): body for to, at, n, body in answers})
+        self.close({(to, asked_at, number): body for to, asked_at, number, body in answers})
 
     def publish(self):
+        """Publish the newest velocity, perhaps once more."""
         self.put("velocities", self.answer)
 
-    def put(self, what, payload):
+    def put(self, key, payload):
+        """Publish a message of this host that must not be lost."""
         self.session.put(
-            f"orchard/hosts/{SESSION}/{what}",
+            f"orchard/hosts/{SESSION}/{key}",
             payload,
             congestion_control=zenoh.CongestionControl.BLOCK,
         )
 
     def get(self, request):
-        letter = {"run": self.run, "sender": self.name} | {
-            field: request[field] for field in ("tick", "number", "body")
-        }
-        handler = Callback(
-            lambda reply: (
+        """Send a request of the agent, as a query to which two replies come: received, answered."""
+        letter = {"run": self.run, "sender": self.name}
+        for field in ("tick", "number", "body"):
+            letter[field] = request[field]
+
+        def reply_has_come(reply):
+            if reply.ok:
                 self.inbox.put(("reply", request, reply.ok.payload.to_bytes()))
-                if reply.ok
-                else None
-            ),
-            lambda: self.inbox.put(("final", request)),
-        )
-        how = {
-            "target": zenoh.QueryTarget.ALL,
-            "consolidation": zenoh.ConsolidationMode.NONE,
-            "timeout": 10.0,
-        }
+
+        def nothing_more_comes():
+            self.inbox.put(("final", request))
+
         self.session.get(
-            f"orchard/{request['to']}/mail", handler, payload=msgpack.packb(letter), **how
+            f"orchard/{request['to']}/mail",
+            Callback(reply_has_come, nothing_more_comes),
+            payload=msgpack.packb(letter),
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            timeout=GET_SECONDS,
         )
 
     def close(self, answers):
-        """Answer the requests that were heard in this tick, and drop all that are older."""
-        for key in [key for key in self.waiting if key[1] < self.last]:
+        """Answer the requests of the tick before, and drop all that are older."""
+        for key in list(self.waiting):
+            sent_at = key[1]
+            if sent_at >= self.last:
+                continue
             query, _ = self.waiting.pop(key)
             reply = {
                 "type": "answered",
@@ -264,9 +313,21 @@ class Host:
 
 
 def in_order(requests):
-    return sorted(requests, key=lambda heard: (heard[3]["type"], *heard[:3]))
+    """Return requests, [sender, tick, number, body], in the order in which an agent hears them."""
+
+    def place(request):
+        sender, tick, number, body = request
+        return body["type"], sender, tick, number
+
+    return sorted(requests, key=place)
 
 
 def digest_of(requests, replies):
+    """Return the digest of a tick's mail, of no bytes without any mail.
+
+    `replies`: [to, number, answer] of the agent's own requests.
+    """
+    if not requests and not replies:
+        return b""
     mail = msgpack.packb([requests, replies])
-    return hashlib.blake2b(mail, digest_size=16).digest() if requests or replies else b""
+    return hashlib.blake2b(mail, digest_size=16).digest()

@@ -13,7 +13,14 @@ from local_runs import SMALL, played
 from patience import PATIENCE
 from stage import ONE_WAY, empty_orchard
 
-from examples import foreign_carrier, foreign_holder, foreign_host
+from examples import (
+    foreign_carrier,
+    foreign_field,
+    foreign_holder,
+    foreign_host,
+    foreign_obstacles,
+    foreign_steps,
+)
 from orchard import Action, Hold, Local, Twist, Zone
 from orchard.contract.agent import Heard, Mail, Reply
 from orchard.contract.mail import digest_of, in_hearing_order
@@ -91,12 +98,16 @@ def test_it_does_so_in_other_orchards_too(fleet, what):
 
 
 def test_it_reads_nothing_of_this_program():
-    text = "".join(Path(module.__file__).read_text() for module in (foreign_carrier, foreign_host))
+    modules = (foreign_carrier, foreign_steps, foreign_field, foreign_obstacles, foreign_host)
+    text = "".join(Path(module.__file__).read_text() for module in modules)
     imports = re.findall(r"^\s*(?:import|from) ([\w.]+)", text, re.M)
     assert {name.partition(".")[0] for name in imports} - sys.stdlib_module_names == {
         "msgpack",
         "zenoh",
+        "foreign_field",
         "foreign_host",
+        "foreign_obstacles",
+        "foreign_steps",
     }
 
 
@@ -138,14 +149,14 @@ def test_its_digest_of_mail_is_ours():
 
 @pytest.mark.parametrize("number", [1, 13, 40])
 def test_its_field_is_ours(number):
-    """A figure that changes in the orchard must change in foreign_carrier.py, too.
+    """A figure that changes in the orchard must change in foreign_field.py, too.
 
     It stands in keyspace.md.
     """
     scenario = Scenario(rows=6, row_width=7.0, pickers=4, carriers=number, **ONE_WAY)
     layout = lay_out(scenario)
     route = OneWay(lay_out(scenario))
-    field = foreign_carrier.Field(scenario.model_dump(), f"carrier_{number:02d}")
+    field = foreign_field.Field(scenario.model_dump(), f"carrier_{number:02d}")
     assert field.D == route.D_ROAD
     assert field.F == route.F_ROAD
     assert field.FULL == route.FULL_BIN
@@ -174,12 +185,12 @@ def test_its_bodies_are_ours():
     others = {name: KINDS[name] for name in PEOPLE + ANIMALS}
     assert {
         name: (kind.length, kind.width, kind.speed) for name, kind in others.items()
-    } == foreign_carrier.BYSTANDERS
+    } == foreign_obstacles.BYSTANDERS
     sizes = (
-        foreign_carrier.LENGTH,
-        foreign_carrier.WIDTH,
-        foreign_carrier.TOWS,
-        foreign_carrier.BIN,
+        foreign_obstacles.LENGTH,
+        foreign_obstacles.WIDTH,
+        foreign_obstacles.TOWS,
+        foreign_obstacles.BIN,
     )
     assert sizes == (own.length, own.width, own.tows, KINDS["bin"].length)
 

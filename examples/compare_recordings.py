@@ -31,7 +31,10 @@ from orchard.field.scenario import check
 from orchard.view.blueprint import blueprint
 from orchard.view.reader import SCENARIO, column
 
-NAME, DELIVERED = "harvests", "/metrics/bins/delivered"
+NAME = "harvests"  # of the dataset
+# The entity of a recording with the number of bins delivered so far, and the column of its values.
+DELIVERED = "/metrics/bins/delivered"
+VALUES = f"{DELIVERED}:Scalars:scalars"
 
 
 def views_of(recording: Path, file: Path) -> None:
@@ -42,25 +45,21 @@ def views_of(recording: Path, file: Path) -> None:
     for chunk in RrdReader(recording).stream():
         if chunk.entity_path == f"/{SCENARIO}":
             text = column(chunk, "TextDocument:text")[0][0]
-            return blueprint(lay_out(check(json.loads(text), str(recording)))).save(
-                "orchard", str(file)
-            )
+            scenario = check(json.loads(text), str(recording))
+            blueprint(lay_out(scenario)).save("orchard", str(file))
+            return
     raise ValueError(f"{recording}: no scenario in it; expected a recording of the orchard")
 
 
 def delivered(dataset: DatasetEntry) -> dict[str, int]:
     """Return how many bins were delivered in each run: its name -> the last value."""
-    names = (
-        dataset.segment_table()
-        .to_pandas()
-        .set_index("rerun_segment_id")["property:RecordingInfo:name"]
-    )
-    bins = dataset.filter_contents(DELIVERED).reader("sim_time").to_pandas().sort_values("sim_time")
-    last = (
-        bins.dropna(subset=f"{DELIVERED}:Scalars:scalars")
-        .groupby("rerun_segment_id")
-        .last()[f"{DELIVERED}:Scalars:scalars"]
-    )
+    # Each recording is a segment of the dataset; its id is that of the run.
+    segments = dataset.segment_table().to_pandas().set_index("rerun_segment_id")
+    names = segments["property:RecordingInfo:name"]
+    rows = dataset.filter_contents(DELIVERED).reader("sim_time").to_pandas()
+    values = rows.sort_values("sim_time").dropna(subset=VALUES)
+    last = values.groupby("rerun_segment_id").last()[VALUES]
+    # A cell is a list of one value.
     return {names[run][0]: int(value[0]) for run, value in last.items()}
 
 
@@ -70,12 +69,14 @@ def main(recordings: Sequence[str]) -> None:
         Server(host="127.0.0.1", datasets={NAME: recordings}) as server,
         suppress(KeyboardInterrupt),
     ):
-        dataset, views = server.client().get_dataset(NAME), Path(folder) / "views.rbl"
+        dataset = server.client().get_dataset(NAME)
+        views = Path(folder) / "views.rbl"
         views_of(Path(recordings[0]), views)
         dataset.register_blueprint(views.as_uri())
         for run, bins in sorted(delivered(dataset).items()):
             print(f"{run}: {bins} bins delivered")
         print("serving", server.url(), flush=True)
+        # Nothing sets this event: the server runs until Ctrl-C.
         Event().wait()
 
 

@@ -1,5 +1,8 @@
 """What jams an orchard, for docs/traffic.md: routes, a policy and a person, each without one rule
 of the built-in ones.
+
+The road D is that of deliveries, and F that of full bins. A carrier drives past a lane only with
+the lane's place on its road.
 """
 
 from typing import ClassVar
@@ -26,20 +29,21 @@ class BothRoads(TwoWay):
     """
 
     def approach(self, lane, side, carrier=1):
-        return [
-            _with_both(step, side.place("D", lane), side.place("F", lane))
-            for step in super().approach(lane, side, carrier)
-        ]
+        delivery = side.place("D", lane)
+        full = side.place("F", lane)
+        steps = super().approach(lane, side, carrier)
+        return [_with_both(step, delivery, full) for step in steps]
 
 
 def _with_both(step, delivery, full):
+    """Return a step that takes the place `full` where it needs the place `delivery`."""
     if not isinstance(step, DriveTo):
         return step
-    needs = [
-        gate
-        for each in step.needs
-        for gate in ([Gate([full], each.at), each] if delivery in each.places else [each])
-    ]
+    needs = []
+    for gate in step.needs:
+        if delivery in gate.places:
+            needs.append(Gate([full], gate.at))
+        needs.append(gate)
     return replace(step, needs=needs)
 
 
@@ -49,17 +53,15 @@ class NoHold(OneWay):
     """
 
     def fetch(self, carrier, lane, side, picker, full_bin):
-        return [
-            _without_bins(step) for step in super().fetch(carrier, lane, side, picker, full_bin)
-        ]
+        steps = super().fetch(carrier, lane, side, picker, full_bin)
+        return [_without_bins(step) for step in steps]
 
 
 def _without_bins(step):
-    return (
-        replace(step, needs=[replace(gate, bin="") for gate in step.needs])
-        if isinstance(step, DriveTo)
-        else step
-    )
+    """Return a step that takes places without asking a bin whether the picker has left its row."""
+    if not isinstance(step, DriveTo):
+        return step
+    return replace(step, needs=[replace(gate, bin="") for gate in step.needs])
 
 
 class AtOnce:
@@ -72,9 +74,9 @@ class AtOnce:
 
     def assign(self, now, bins, carriers, memory):
         free = [carrier.name for carrier in carriers if carrier.is_next]
-        return [
-            Assignment(report.name, carrier) for report, carrier in zip(bins, free, strict=False)
-        ]
+        # As many as there are of both.
+        pairs = zip(bins, free, strict=False)
+        return [Assignment(report.name, carrier) for report, carrier in pairs]
 
 
 class Resting:
@@ -88,6 +90,7 @@ class Resting:
     def __init__(self, layout, name):
         self.machine = layout.machines["worker"]
         self.bystanders = bystanders_of(layout)
+        # By the east fence, beyond all roads, to the second row, and in to its middle.
         into = [
             Face("EAST"),
             DriveTo(x=47.0),
@@ -120,4 +123,4 @@ class Resting:
 class Staying(Resting):
     """A person that stays in the second row for ever."""
 
-    SECONDS = 1e6
+    SECONDS = 1e6  # longer than any run

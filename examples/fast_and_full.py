@@ -1,12 +1,12 @@
 """How far is the fast model from the simulator? The same harvests in both, as docs/bounds.md shows
 them.
 
-Without --people each cell is harvested once, without people and animals. With it each is harvested
-with the people and animals of the default scenario, with as many seeds as you say: the table then
-shows means, and the spread between seeds.
+    python examples/fast_and_full.py [--people SEEDS] [CELL ...]
 
-    python examples/fast_and_full.py [--people SEEDS] [ROWS/PICKERS/CARRIERS:ROUTE:POLICY[:PICKING
-    SPEED[:ROW LENGTH]] ...]
+A cell is a line of the table: ROWS/PICKERS/CARRIERS:ROUTE:POLICY[:PICKING SPEED[:ROW LENGTH]], in
+m/s and m. Without --people each cell is harvested once, without people and animals. With it each is
+harvested with the people and animals of the default scenario, with as many seeds as you say: the
+table then shows means, and the spread between seeds.
 """
 
 import argparse
@@ -32,7 +32,16 @@ NOBODY = {
     "animals": Animals(dogs=0, cats=0),
     "tractor": False,
 }
-N, F, P, L, PF = "nearest", "farthest-first", "predictive", "longest-waiting", "predictive-farthest"
+# The policies.
+N = "nearest"
+F = "farthest-first"
+P = "predictive"
+L = "longest-waiting"
+PF = "predictive-farthest"
+# Picking speed, m/s, and row length, m, of a cell that does not say them.
+USUAL = ["1.0", "70.0"]
+# Parts of a cell that must be there: sizes, route and policy.
+NEEDED = 3
 
 
 def _cells(place: str, *policies: str, rest: str = "") -> list[str]:
@@ -75,9 +84,9 @@ WITH_PEOPLE = [
 
 def scenario_of(cell: str, seed: int = 1, **changes: object) -> Scenario:
     """Return the orchard of a cell. Raises ValueError."""
-    size, route, policy, speed, length = (cell.split(":") + ["1.0", "70.0"][cell.count(":") - 2 :])[
-        :5
-    ]
+    parts = cell.split(":")
+    left_out = USUAL[len(parts) - NEEDED :]
+    size, route, policy, speed, length = (parts + left_out)[:5]
     rows, pickers, carriers = map(int, size.split("/"))
     sizes = {
         "rows": rows,
@@ -92,22 +101,28 @@ def scenario_of(cell: str, seed: int = 1, **changes: object) -> Scenario:
 
 
 def full(scenario: Scenario) -> dict[str, float]:
-    """Return the figures of a harvest in the simulator."""
-    local, figures = Local(scenario, is_hashed=False), HarvestFigures()
+    """Return the figures of a harvest in the simulator.
+
+    `seconds`: its length. `wait`: mean wait of a picker for an empty bin, s. `busy`: the share of
+    its time for which a carrier works.
+    """
+    local = Local(scenario, is_hashed=False)
+    figures = HarvestFigures()
     while not local.engine.over and not figures.jammed(local.engine.world):
         events = local.tick()
         figures.update(local.engine.world, events, local.engine.answers)
-    told = harvest_figures(local.engine.world, figures)
+    summary = harvest_figures(local.engine.world, figures)
     return {
-        "seconds": told["sim_seconds"],
-        "wait": told["picker_waiting_seconds"],
-        "busy": told["carrier_utilisation"],
+        "seconds": summary["sim_seconds"],
+        "wait": summary["picker_waiting_seconds"],
+        "busy": summary["carrier_utilisation"],
     }
 
 
 def fast(scenario: Scenario) -> dict[str, float]:
-    """Return the figures of a harvest in the fast model, and the processor time that it took."""
-    layout, begun = lay_out(scenario), time.process_time()
+    """Return the same figures in the fast model, and as `cost` its processor time, s."""
+    layout = lay_out(scenario)
+    begun = time.process_time()
     harvest = DiscreteHarvest(layout).run()
     cost = time.process_time() - begun
     return {
@@ -126,22 +141,30 @@ def both(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]:
 def error(pairs: Sequence[tuple[dict[str, float], dict[str, float]]]) -> float:
     """Return by how much the fast model's mean length of a harvest differs from the simulator's, as
     a share of it.
+
+    `pairs`: the figures of each harvest in the fast model and in the simulator.
     """
-    return (
-        fmean(quick["seconds"] for quick, _ in pairs) / fmean(slow["seconds"] for _, slow in pairs)
-        - 1.0
-    )
+    quick_seconds = fmean(quick["seconds"] for quick, _ in pairs)
+    slow_seconds = fmean(slow["seconds"] for _, slow in pairs)
+    return quick_seconds / slow_seconds - 1.0
 
 
 def lengths(harvests: Sequence[dict[str, float]]) -> str:
-    """Return the mean length of harvests, s, and the spread between them."""
+    """Return the mean length of harvests, s, and the spread between them, in words."""
     seconds = [harvest["seconds"] for harvest in harvests]
-    return f"{fmean(seconds):.1f}" + (
-        f" (cv {100.0 * stdev(seconds) / fmean(seconds):.1f} %)" if len(seconds) > 1 else ""
-    )
+    words = f"{fmean(seconds):.1f}"
+    if len(seconds) > 1:
+        words += f" (cv {100.0 * stdev(seconds) / fmean(seconds):.1f} %)"
+    return words
+
+
+def mean_of(name: str, harvests: Sequence[dict[str, float]]) -> float:
+    """Return the mean of a figure of some harvests."""
+    return fmean(harvest[name] for harvest in harvests)
 
 
 def main() -> None:
+    """Do all harvests in both, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
         "--people",
@@ -152,14 +175,19 @@ def main() -> None:
     )
     parser.add_argument("cells", nargs="*", metavar="CELL")
     arguments = parser.parse_args()
-    cells = arguments.cells or (WITH_PEOPLE if arguments.people else CELLS)
-    seeds = max(1, arguments.people)
+    cells = CELLS
+    changes = NOBODY
+    seeds = 1
+    if arguments.people:
+        cells = WITH_PEOPLE
+        changes = {}
+        seeds = arguments.people
+    cells = arguments.cells or cells
+    runs = []
     try:
-        runs = [
-            scenario_of(cell, seed + 1, **({} if arguments.people else NOBODY))
-            for cell in cells
-            for seed in range(seeds)
-        ]
+        for cell in cells:
+            for seed in range(1, 1 + seeds):
+                runs.append(scenario_of(cell, seed, **changes))
     except (ValueError, ScenarioError) as problem:
         parser.exit(2, f"{problem}\n")
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
@@ -181,23 +209,21 @@ def main() -> None:
         "processor, s",
     )
     errors = []
-    for i, cell in enumerate(cells):
-        of_cell = pairs[i * seeds : (i + 1) * seeds]
+    for number, cell in enumerate(cells):
+        # The harvests of a cell stand together, one for each seed.
+        of_cell = pairs[number * seeds : (number + 1) * seeds]
         errors.append(error(of_cell))
         quick, slow = zip(*of_cell, strict=True)
-        waits, busy = (
-            [fmean(one[name] for one in harvests) for harvests in (quick, slow)]
-            for name in ("wait", "busy")
-        )
-        told = [
-            f"{100.0 * errors[-1]:+.2f}",
-            f"{waits[0]:.0f}, {waits[1]:.0f}",
-            f"{100.0 * busy[0]:.0f}, {100.0 * busy[1]:.0f}",
-        ]
         table.add_row(
-            cell, lengths(quick), lengths(slow), *told, f"{fmean(one['cost'] for one in quick):.2f}"
+            cell,
+            lengths(quick),
+            lengths(slow),
+            f"{100.0 * errors[-1]:+.2f}",
+            f"{mean_of('wait', quick):.0f}, {mean_of('wait', slow):.0f}",
+            f"{100.0 * mean_of('busy', quick):.0f}, {100.0 * mean_of('busy', slow):.0f}",
+            f"{mean_of('cost', quick):.2f}",
         )
-    size = [abs(one) for one in errors]
+    size = [abs(error_of_cell) for error_of_cell in errors]
     Console(width=140).print(
         table,
         f"{len(cells)} cells: mean error {100.0 * fmean(size):.2f} %, worst"

@@ -27,9 +27,13 @@ from orchard.gym import Dispatching, dispatch_env
 
 MODEL = Path("learned_dispatch.zip")
 BINS = 8  # that it sees
-SCALE = np.array(
-    [1.0, 300.0, 300.0, 300.0, 300.0]
-)  # of what it sees of a bin: it is there, slack (s), to full (s), since (s), way (m)
+# What it sees of a bin, each divided by a number of usual size: whether it is there, its slack (s),
+# the time until it is full (s), the time since which it calls (s), and the way to it (m). Slack is
+# the time until a carrier must leave, so that it is there when the bin is full.
+SCALE = np.array([1.0, 300.0, 300.0, 300.0, 300.0])
+# Columns of a bin, and of a carrier, in the observation of `orchard.gym.dispatch_env`.
+COLUMNS_OF_A_BIN = 6
+COLUMNS_OF_A_CARRIER = 2
 NOBODY = {
     "people": {"workers": 0, "visitors": 0},
     "animals": {"dogs": 0, "cats": 0},
@@ -39,35 +43,50 @@ NOBODY = {
 
 
 class Choices:
-    """What can be done at a decision, in a size that does not depend on the orchard's."""
+    """What can be done at a decision, in a size that does not depend on the orchard's.
+
+    A choice is 0, which sends no carrier, or the place from 1 on of one of the bins that are seen,
+    to which the nearest free carrier is sent. `features`: what the policy sees. `mask`: which
+    choices can be. `actions`: what each choice means for `Dispatching`.
+    """
 
     def __init__(self, observation: dict[str, np.ndarray]) -> None:
-        bins, carriers = observation["bins"].reshape(-1, 6), observation["carriers"].reshape(-1, 2)
+        bins = observation["bins"].reshape(-1, COLUMNS_OF_A_BIN)
+        carriers = observation["carriers"].reshape(-1, COLUMNS_OF_A_CARRIER)
         calls, _, since, full, reach, metres = bins.T
-        first = [i for i in np.argsort(full - reach, kind="stable") if calls[i]][:BINS]
-        free = np.flatnonzero(carriers[:, 0])
+        slack = full - reach
+        # The numbers of the bins that call, the least slack first.
+        first = [number for number in np.argsort(slack, kind="stable") if calls[number]][:BINS]
+        is_free, distance = carriers.T
+        free = np.flatnonzero(is_free)
+        self.features = self._features(first, [calls, slack, full, since, metres])
+        share_free = len(free) / len(carriers)
+        self.features = np.append(self.features, [share_free]).astype(np.float32)
+        can_send = len(first) > 0 and len(free) > 0
+        # If even the first bin is late, a carrier must leave, or the harvest may never end.
+        is_late = can_send and slack[first[0]] < 0.0
+        self.mask = np.zeros(1 + BINS, np.bool_)
+        self.mask[0] = not is_late
+        self.mask[1 : 1 + len(first)] = can_send
+        nearest = 0
+        if len(free):
+            nearest = int(free[np.argmin(distance[free])])
+        # `Dispatching` numbers its actions by bin and carrier; 0 sends none.
+        self.actions = [0]
+        for number in first:
+            self.actions.append(1 + int(number) * len(carriers) + nearest)
+
+    def _features(self, first: list[int], columns: list[np.ndarray]) -> np.ndarray:
+        """Return what is seen of the first bins, (BINS * columns,); zeros where no bin is."""
         seen = np.zeros((BINS, len(SCALE)))
-        seen[: len(first)] = (
-            np.stack([calls, full - reach, full, since, metres], axis=1)[first] / SCALE
-        )
-        self.features = np.append(seen.ravel(), [len(free) / len(carriers)]).astype(np.float32)
-        is_late = (
-            bool(first) and len(free) > 0 and full[first[0]] < reach[first[0]]
-        )  # then one must leave, or the harvest may never end
-        self.mask = np.array(
-            [not is_late, *(i < len(first) and len(free) > 0 for i in range(BINS))]
-        )
-        carrier = free[np.argmin(carriers[free, 1])] if len(free) else 0
-        self.actions = [
-            0,
-            *(1 + int(i) * len(carriers) + int(carrier) for i in first),
-        ]  # of `Dispatching`
+        seen[: len(first)] = np.stack(columns, axis=1)[first] / SCALE
+        return seen.ravel()
 
 
 class AnyOrchard(gymnasium.Env[np.ndarray, int]):
     """Dispatch in a new random orchard in each episode.
 
-    The reward is the time that passes, as a share of what picking takes at least.
+    The reward is minus ten times the time that passes, as a share of what picking takes at least.
     """
 
     observation_space = spaces.Box(-np.inf, np.inf, (BINS * len(SCALE) + 1,))
@@ -78,11 +97,9 @@ class AnyOrchard(gymnasium.Env[np.ndarray, int]):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         super().reset(seed=seed)
         scenario = random_orchard(self.np_random)
-        self.picking = (
-            math.ceil(scenario.rows / scenario.pickers)
-            * scenario.row_length
-            / scenario.mean_picking_speed
-        )
+        # s that the picker with most rows picks, without a wait.
+        most_rows = math.ceil(scenario.rows / scenario.pickers)
+        self.picking = most_rows * scenario.row_length / scenario.mean_picking_speed
         self.env = dispatch_env(scenario)
         return self._seen(self.env.reset()[0]), {}
 
@@ -118,6 +135,7 @@ def random_orchard(random: np.random.Generator) -> Scenario:
     return Scenario(
         **sizes,
         **{key: str(value) for key, value in rules.items()},
+        # 0.05 to 1 m/s, as often slow as fast.
         picking_speed=float(10 ** random.uniform(-1.3, 0.0)),
         **NOBODY,
     )
@@ -130,7 +148,8 @@ class Learned:
     early = True
 
     def __init__(self, layout):
-        self.dispatching, self.model = Dispatching(layout), model()
+        self.dispatching = Dispatching(layout)
+        self.model = model()
 
     def choose(self, observation, mask):
         choices = Choices(observation)
@@ -145,14 +164,16 @@ class Learned:
 
 @cache
 def model() -> Any:
+    """Return what was learned, which is read once."""
     return learner().load(MODEL, device="cpu")
 
 
 def learner() -> Any:
-    """The class that learns. One thread is faster than two with networks this small."""
+    """Return the class that learns. It is an extra, so it is imported only here."""
     import torch
     from sb3_contrib import MaskablePPO
 
+    # One thread is faster than two with networks this small.
     torch.set_num_threads(1)
     return MaskablePPO
 
@@ -169,6 +190,7 @@ def learn(minutes: float, seed: int) -> None:
         seed=seed,
     )
     end = time.monotonic() + 60.0 * minutes
+    # It goes on as long as the callback returns True; the number of steps is never reached.
     learning.learn(10**9, callback=lambda *_: time.monotonic() < end)
     learning.save(MODEL)
     print(f"{learning.num_timesteps:,} decisions; {MODEL} written")

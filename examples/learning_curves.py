@@ -21,7 +21,14 @@ from stable_baselines3.common.vec_env import VecEnv
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from examples.learned_dispatch import BINS, MODEL, SCALE, learner
+from examples.learned_dispatch import (
+    BINS,
+    COLUMNS_OF_A_BIN,
+    COLUMNS_OF_A_CARRIER,
+    MODEL,
+    SCALE,
+    learner,
+)
 from orchard import with_changes
 from orchard.gym import dispatch_vec_env
 from orchard.study.benchmark.instances import Instance, instances
@@ -33,7 +40,8 @@ HARVESTS = 8
 PATIENCE = 4.0
 # Minutes of learning after which it is scored, as shares of all; the last one is the end.
 SCORED = (0.0, 0.15, 0.4, 1.0)
-# Columns of what an orchard's observation says of a bin.
+# Columns of what an orchard's observation says of a bin: whether it calls, the time since it calls,
+# until it is full and to reach it, s, and the way to it, m.
 CALLS, SINCE, FULL, REACH, METRES = 0, 2, 3, 4, 5
 # The return of a harvest that takes its proven time is minus this.
 RETURN = 10.0
@@ -52,16 +60,19 @@ class OneOrchard:
         self.envs = dispatch_vec_env(
             early,
             harvests,
+            # In ticks, ten a second.
             longest=round(10.0 * PATIENCE * max(proven)),
             autoreset_mode="SameStep",
         )
 
     def see(self, observed: dict[str, np.ndarray]) -> None:
         """Take an observation: of it, what a policy sees, what it may do, and what that means."""
-        bins = observed["bins"].reshape(self.size, -1, 6)
-        carriers = observed["carriers"].reshape(self.size, -1, 2)
+        # Shapes (harvests, bins, 6) and (harvests, carriers, 2): free or not, and the way, m.
+        bins = observed["bins"].reshape(self.size, -1, COLUMNS_OF_A_BIN)
+        carriers = observed["carriers"].reshape(self.size, -1, COLUMNS_OF_A_CARRIER)
         calls = bins[:, :, CALLS] > 0.0
         slack = bins[:, :, FULL] - bins[:, :, REACH]
+        # The numbers of the bins that call, the least slack first; then others, which are masked.
         first = np.argsort(np.where(calls, slack, np.inf), axis=1, kind="stable")[:, :BINS]
         is_seen = np.take_along_axis(calls, first, 1)
         columns = [bins[:, :, CALLS], slack, *bins[:, :, [FULL, SINCE, METRES]].transpose(2, 0, 1)]
@@ -105,6 +116,7 @@ class AllOrchards(VecEnv):
 
     def reset(self) -> np.ndarray:
         for number, orchard in enumerate(self.orchards):
+            # Each orchard takes HARVESTS seeds from this one on, fewer than ten.
             orchard.see(orchard.envs.reset(seed=1000 * self.first_seed + 10 * number)[0])
         return np.vstack([orchard.features for orchard in self.orchards])
 
@@ -158,6 +170,7 @@ def score(model: Any, known: list[Instance]) -> float:
                 orchard.features, action_masks=orchard.masks, deterministic=True
             )
             _, terminated, truncated, infos = orchard.step(chosen)
+            # A harvest that is over begins anew; only its first end counts.
             is_first = np.isnan(took)
             took[truncated & is_first] = np.inf
             if terminated.any():
@@ -168,7 +181,7 @@ def score(model: Any, known: list[Instance]) -> float:
 
 
 def curve(seed: int, minutes: float) -> list[tuple[float, int, float]]:
-    """Let a policy learn. Return minutes, decisions and score, again and again."""
+    """Let a policy learn. Return a point for each of SCORED: minutes, decisions, score."""
     known = list(instances().values())
     learns_in = [instance for instance in known if instance.split == "train"]
     scored_in = [instance for instance in known if instance.split == "test"]

@@ -64,14 +64,16 @@ def orchard(cell: str, seed: int) -> Scenario:
 
 def mser5(times: Sequence[float]) -> int:
     """Return how many times at the beginning MSER-5 leaves out, at most half of them."""
+    # The means of five times each; what is left at the end is too little for one.
     fives = np.array(times[: len(times) // 5 * 5]).reshape(-1, 5).mean(axis=1)
+    # The square of the standard error of the rest, by the number of fives that are left out.
     errors = [fives[cut:].var() / (len(fives) - cut) for cut in range(len(fives) // 2)]
     return 5 * int(np.argmin(errors))
 
 
 def warm_up(cell: str, seed: int) -> tuple[float, float]:
-    """Return the share of a long run that MSER-5 leaves out, and how far its rate is from that
-    which leaves out as much as a study, as a share of it.
+    """Return the share of a long run that MSER-5 leaves out, and how far its rate is from the rate
+    that a study takes, as a share of that.
     """
     harvest = DiscreteHarvest(lay_out(orchard(cell, seed)), ROWS_EACH).run()
     deliveries = harvest.deliveries[: int(UNTIL_THE_END * len(harvest.deliveries))]

@@ -11,13 +11,17 @@ class Progress(AgentMessage, frozen=True):
 
 
 class Counter:
-    Memory, Messages = dict[str, int], (Progress,)
+    Memory = dict[str, int]  # picker -> the steps that it has done
+    Messages = (Progress,)
 
     def __init__(self, layout, name): ...
 
     def tick(self, observation, mail, memory):
-        memory = (memory or {}) | {heard.sender: heard.body.steps for heard in mail.requests}
-        answers = [(heard, Progress(sum(memory.values()))) for heard in mail.requests]
+        memory = dict(memory or {})
+        for heard in mail.requests:
+            memory[heard.sender] = heard.body.steps
+        total = Progress(sum(memory.values()))
+        answers = [(heard, total) for heard in mail.requests]
         return Action(answers=answers, memory=memory, doing="counting")
 
 

@@ -15,6 +15,6 @@ class FarthestFirst:
         memory["decisions"] = memory.get("decisions", 0) + 1
         far = sorted(bins, key=lambda report: (-report.metres, report.name))
         free = [carrier.name for carrier in carriers if carrier.is_next]
-        return [
-            Assignment(report.name, carrier) for report, carrier in zip(far, free, strict=False)
-        ]
+        # As many as there are of both.
+        pairs = zip(far, free, strict=False)
+        return [Assignment(report.name, carrier) for report, carrier in pairs]

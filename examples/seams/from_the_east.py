@@ -7,8 +7,12 @@ from orchard import Block
 
 
 def from_the_east(scenario):
-    last = [scenario.rows * i // scenario.pickers for i in range(scenario.pickers + 1)]
-    return {
-        f"picker_{i + 1:02d}": Block(tuple(range(last[i] + 1, last[i + 1] + 1)), start="east")
-        for i in range(scenario.pickers)
-    }
+    blocks = {}
+    last = 0
+    for number in range(1, 1 + scenario.pickers):
+        first = last + 1
+        # So each picker has as many rows as any other one, or one more.
+        last = scenario.rows * number // scenario.pickers
+        rows = tuple(range(first, last + 1))
+        blocks[f"picker_{number:02d}"] = Block(rows, start="east")
+    return blocks

@@ -7,6 +7,8 @@ import msgspec
 
 from orchard import Assignment
 
+APART = 30  # ticks between two carriers, 3 s
+
 
 class InTime:
     early = True  # bins report before they are full
@@ -19,7 +21,8 @@ class InTime:
     def assign(self, now, bins, carriers, memory):
         due = [report for report in bins if report.seconds_to_full <= report.seconds_to_reach]
         free = [carrier.name for carrier in carriers if carrier.is_next]
-        if not due or not free or now - memory.left < 30:
+        if not due or not free or now - memory.left < APART:
             return []
         memory.left = now
-        return [Assignment(max(due, key=lambda report: (report.metres, report.name)).name, free[0])]
+        farthest = max(due, key=lambda report: (report.metres, report.name))
+        return [Assignment(farthest.name, free[0])]

@@ -19,5 +19,6 @@ class SignalledRoute(OneWay):
     PARKED = 44.0  # m: x at which a picker stays after its last row
 
     def go_to_bay(self, lane, side):
-        *way, last = super().go_to_bay(lane, side)
-        return [*way, Signal(1.0), last]
+        # The last step is the drive to the bay.
+        *steps, last = super().go_to_bay(lane, side)
+        return [*steps, Signal(1.0), last]

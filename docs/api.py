@@ -31,6 +31,7 @@ QUOTED_TYPE = re.compile(r"(: |-> )'([^']*)'")
 LIMITED = re.compile(r"Annotated\[(\w+), Meta\([^()]*\)\]")
 # An example in a docstring, up to an empty line.
 EXAMPLE = re.compile(r"^(>>> .*(?:\n.+)*)", re.M)
+# Python writes a type variable as ~T.
 TYPE_VARIABLE = "~"
 COMMENT = "#:"
 
@@ -49,6 +50,7 @@ def document() -> str:
 
 
 def _sections(directives: str) -> Iterator[str]:
+    """Yield the section of each directive in a block of the template."""
     for kind, path, signature, options in DIRECTIVE.findall(directives):
         module, _, name = path.rpartition(".")
         thing = getattr(importlib.import_module(module), name)
@@ -145,6 +147,7 @@ def _without_limits(annotation: ast.expr) -> str:
 
 
 def _signature(thing: Any) -> str:
+    """Return the parameters of a function or class, as readers write them; '' if it has none."""
     try:
         signature = inspect.signature(thing)
     except (TypeError, ValueError):
@@ -161,6 +164,7 @@ def _short(text: str) -> str:
 
 
 def _paragraphs(thing: Any) -> str:
+    """Return a docstring as Markdown; '' for that which Python makes for a dataclass."""
     words = inspect.getdoc(thing) or ""
     is_made_up = isinstance(thing, type) and words.startswith(f"{thing.__name__}(")
     if dataclasses.is_dataclass(thing) and is_made_up:
@@ -172,14 +176,18 @@ def _arguments(class_: type) -> str:
     """Return what the source of a class says of the arguments with which it is made; '' if
     nothing.
     """
-    made = inspect.getattr_static(class_, "__init__")
-    is_written = inspect.isfunction(made) and made.__doc__ is not None
-    return inspect.getdoc(made) or "" if is_written else ""
+    init = inspect.getattr_static(class_, "__init__")
+    is_written = inspect.isfunction(init) and init.__doc__ is not None
+    if not is_written:
+        return ""
+    return inspect.getdoc(init) or ""
 
 
 def _in_a_line(thing: Any) -> str:
+    """Return a docstring in one line, without its examples."""
     return " ".join(EXAMPLE.sub("", inspect.getdoc(thing) or "").split())
 
 
 def _after_colon(words: str) -> str:
+    """Return words to follow a name; nothing for no words."""
     return f": {words}" if words else ""

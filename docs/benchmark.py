@@ -18,7 +18,9 @@ from orchard.study.benchmark.scores import BenchmarkResult
 PAGE = Path(__file__).with_name("benchmark.md")
 INK = "#24301f"
 DOT = "#7ea3cf"
-SPREAD = 0.6  # of the dots of a policy, as a share of its line
+# The dots of a policy stand on so much of the height of its line, in the order of their scores, so
+# that no dot hides another one.
+SPREAD = 0.6
 # Policies beside which the learned ones stand, and their colours.
 BESIDE = {"rolling": "#24301f", "predictive": "#7a5b2e", "nearest": "#9aa08f"}
 HEAD = "| policy | score, % | its worst orchard |\n|---|---|---|\n"
@@ -33,14 +35,14 @@ def result() -> BenchmarkResult:
 
 def document() -> str:
     """Return docs/benchmark.md with the lines of the table as they were measured."""
-    lines = [_line(policy, score) for policy, score in result().scores.items()]
-    return re.sub(
-        rf"({re.escape(HEAD)})(\|.*\n)*", lambda found: found[1] + "".join(lines), PAGE.read_text()
-    )
+    lines = "".join(_line(policy, score) for policy, score in result().scores.items())
+    # The head of the table, and the lines that follow it.
+    table = rf"({re.escape(HEAD)})(\|.*\n)*"
+    return re.sub(table, lambda match: match[1] + lines, PAGE.read_text())
 
 
 def _line(policy: str, score: float) -> str:
-    worst = min(result().of(policy), key=lambda one: one.score)
+    worst = min(result().of(policy), key=lambda harvests: harvests.score)
     return f"| `{policy}` | {100.0 * score:.1f} | {worst.orchard}: {100.0 * worst.score:.1f} |\n"
 
 
@@ -67,7 +69,11 @@ def picture() -> str:
 
 
 def learning_picture() -> str:
-    """Return the picture of learning as SVG: the score in the orchards for the test, by seeds."""
+    """Return the picture of learning as SVG: the score in the orchards for the test, by seeds.
+
+    A curve has points of minutes, decisions and score, as `examples/learning_curves.py` writes
+    them.
+    """
     measured = json.loads(PAGE.with_name("learning.json").read_text())
     drawing = Figure(figsize=(8.6, 3.6), layout="constrained")
     axes = drawing.subplots()
@@ -87,4 +93,5 @@ def learning_picture() -> str:
 
 def test_score(policy: str) -> float:
     """Return the score of a policy in the orchards for the test, 0 to 1."""
-    return fmean(one.score for one in result().of(policy) if one.orchard.endswith("-test"))
+    harvests = [each for each in result().of(policy) if each.orchard.endswith("-test")]
+    return fmean(each.score for each in harvests)

@@ -14,29 +14,30 @@ from orchard.plans.robot import LOOK_AGAIN, PATIENCE, Step
 from orchard.plans.route import OneWay
 
 _ROUTE = OneWay(layout.lay_out(Scenario(route=ONE_WAY)))
-_EAST, _WEST, _QUEUE = _ROUTE.east, _ROUTE.west, _ROUTE.queue
+_EAST = _ROUTE.east
+_WEST = _ROUTE.west
+_QUEUE = _ROUTE.queue
 _LOOK = driving.MOST_AHEAD
 
 
 def _freed(plan: list[Step], place: str) -> float:
-    """Where a plan gives a place back, m: x or y."""
-    return next(
-        gate.at
-        for step in plan
-        if isinstance(step, steps.DriveTo)
-        for gate in step.frees
-        if place in gate.places
-    )
+    """Return the x or y, m, at which a plan gives a place back."""
+    for step in plan:
+        if isinstance(step, steps.DriveTo):
+            for gate in step.frees:
+                if place in gate.places:
+                    return gate.at
+    raise ValueError(f"no step gives {place} back")
 
 
 def chapter() -> str:
     """Return the chapter."""
     off_d = _freed(_ROUTE.loop_to_full_bin(1, _EAST), _EAST.place("D", 1))
     off_east = _freed(_ROUTE.go_to_bay(1, _EAST), "corner/south-east")
-    north = _ROUTE.go_to_bay(1, _EAST)
-    off_west, off_turn = (
-        _freed(north, f"{what}/south-west") - _ROUTE.inner_bottom for what in ("corner", "turn")
-    )
+    to_bay = _ROUTE.go_to_bay(1, _EAST)
+    # Metres north of F's bottom road.
+    off_west = _freed(to_bay, "corner/south-west") - _ROUTE.inner_bottom
+    off_turn = _freed(to_bay, "turn/south-west") - _ROUTE.inner_bottom
     return f"""## The job of a carrier, letter by letter
 
 `examples/foreign_carrier.py` does all this on one-way roads (`--route one-way`) with rows of 70 m

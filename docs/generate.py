@@ -20,8 +20,9 @@ ROOT = Path(__file__).parent.parent
 
 
 def generated() -> dict[str, str]:
-    """Each file's path in the repository, and its text."""
-    one_way, two_way = lay_out(Scenario(route=ONE_WAY)), lay_out(Scenario(carriers=10))
+    """Return the text of each file, by its path in the repository."""
+    one_way = lay_out(Scenario(route=ONE_WAY))
+    two_way = lay_out(Scenario(carriers=10))
     return {
         "keyspace.md": keyspace.keyspace(),
         "docs/protocol.md": keyspace.protocol(),
@@ -45,7 +46,10 @@ def generated() -> dict[str, str]:
 
 
 def generated_and_ignored() -> dict[str, str]:
-    """Each file that git ignores, and its text: for programs, and tests check it without a file."""
+    """Return the text of each file that git ignores, by its path.
+
+    It is for programs. Tests check the text, so they need no file.
+    """
     return {"docs/asyncapi.json": keyspace.asyncapi()}
 
 

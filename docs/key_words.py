@@ -196,7 +196,10 @@ WORDS = {
 }
 
 
-def meaning_of(what: str) -> str:
-    """Return what the messages on a key mean."""
-    message = TABLE[what].message
-    return WORDS[what].meaning or " ".join(((message and message.__doc__) or "").split())
+def meaning_of(name: str) -> str:
+    """Return what the messages on a key mean; '' if neither its words nor its message say it."""
+    meaning = WORDS[name].meaning
+    if meaning:
+        return meaning
+    docstring = getattr(TABLE[name].message, "__doc__", None) or ""
+    return " ".join(docstring.split())

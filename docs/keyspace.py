@@ -1,5 +1,8 @@
 """The documents of the interface, from the table of keys: keyspace.md, docs/protocol.md,
-docs/messages.md and docs/asyncapi.json.
+docs/messages.md and docs/asyncapi.json. `python -m docs.generate` writes them.
+
+A key of the table, such as `velocity`, has a template, `{prefix}/{name}/velocity`, the type of its
+message, those of the replies to a query, and its delivery (orchard/wire/keys.py).
 """
 
 from collections.abc import Iterator, Sequence
@@ -45,11 +48,12 @@ def keyspace() -> str:
 
 def protocol() -> str:
     """Return the text of docs/protocol.md."""
-    shown = _digest_example()
-    return _filled("protocol.md", digest_of=shown[0], digest=shown[1])
+    mail, digest = _digest_example()
+    return _filled("protocol.md", digest_of=mail, digest=digest)
 
 
 def _filled(name: str, **more: Any) -> str:
+    """Return the text of a template with all figures, and some more."""
     figures = {
         "advice": WATCHDOG_TICKS,
         "advice_seconds": WATCHDOG_TICKS * TIME_STEP,
@@ -77,7 +81,7 @@ def _filled(name: str, **more: Any) -> str:
 
 
 def _digest_example() -> tuple[str, str]:
-    """The mail of an example, and its digest in hexadecimal."""
+    """Return the mail of an example as JSON, and its digest in hexadecimal."""
     call = Heard("bin_01", TICK - 1, 0, WRITTEN.requests[0][1])
     answer = Reply("traffic", 0, Claim([], ["east/D/3"], ""), Places(["east/D/3"], [], []))
     packed = [
@@ -87,8 +91,10 @@ def _digest_example() -> tuple[str, str]:
     return msgspec.json.encode(packed).decode(), digest_of(Mail([call], [answer])).hex()
 
 
-def _table_row(what: str, key: Key) -> str:
-    message, words = key.message.__name__ if key.message else "none", WORDS[what]
+def _table_row(name: str, key: Key) -> str:
+    """Return the line of a key in the table of keyspace.md."""
+    message = key.message.__name__ if key.message else "none"
+    words = WORDS[name]
     can_be_asked = bool(key.replies) and key.delivery != QUERY
     delivery = f"{key.delivery}; also a query" if can_be_asked else key.delivery
     return f"| `{key.template}` | {message} | {words.sender} | {words.rate} | {delivery} |"
@@ -101,15 +107,16 @@ def messages() -> str:
     """Return the text of docs/messages.md: each message and each map in them once, by its first
     key.
     """
-    types = list(dict.fromkeys(type_ for key in TABLE.values() for type_ in _types_of(key)))
-    parts = sorted(
-        {part for type_ in types for part in parts_of(type_)} - set(types),
-        key=lambda part: part.__name__,
-    )
-    where = {
-        type_: [f"`{what}`" for what, key in TABLE.items() if type_ in _types_of(key)]
-        for type_ in types
-    }
+    # Message type -> the keys on which it is.
+    where: dict[type, list[str]] = {}
+    for name, key in TABLE.items():
+        for type_ in _types_of(key):
+            where.setdefault(type_, []).append(f"`{name}`")
+    types = list(where)
+    inner = set[type]()
+    for type_ in types:
+        inner |= parts_of(type_)
+    parts = sorted(inner - set(types), key=_name_of)
     lines = [NOTE + (TEMPLATES / "messages.md.in").read_text()]
     lines += [_struct(type_, parts, f"On {', '.join(where[type_])}. ") for type_ in types]
     lines += [
@@ -121,36 +128,55 @@ def messages() -> str:
 
 
 def _types_of(key: Key) -> list[type]:
-    return list(dict.fromkeys(type_ for type_ in (key.message, *key.replies) if type_))
+    """Return the types of a key's message and replies, each once."""
+    types = []
+    for type_ in (key.message, *key.replies):
+        if type_ is not None and type_ not in types:
+            types.append(type_)
+    return types
+
+
+def _name_of(type_: type) -> str:
+    return type_.__name__
 
 
 def _struct(type_: type, parts: Sequence[type], where: str = "") -> str:
-    base = type_.__base__ if type_.__base__ in parts else None
-    above = list(rows_of(base)) if base else []
-    lines = f"the fields of {base.__name__}\n" if base else ""
-    lines += "".join(
-        f"{name}: {kind}{note and '; '}{note}\n"
-        for name, kind, note in rows_of(type_)
-        if (name, kind, note) not in above
-    )
-    example = f"\n{_shown(shown)}\n" if (shown := EXAMPLES.get(type_)) else ""
-    block = f"```text\n{(lines + example).strip()}\n```\n"
+    """Return the section of a map: what it is for, its fields, and an example.
+
+    `parts`: the maps that have a section of their own; a field that is inherited from one of them
+    is not listed again. `where`: a sentence that names the keys.
+    """
+    text = ""
+    inherited: list[tuple[str, str, str]] = []
+    base = type_.__base__
+    if base in parts:
+        assert base is not None
+        inherited = list(rows_of(base))
+        text = f"the fields of {base.__name__}\n"
+    for row in rows_of(type_):
+        if row not in inherited:
+            name, kind, note = row
+            text += f"{name}: {kind}; {note}\n" if note else f"{name}: {kind}\n"
+    example = EXAMPLES.get(type_)
+    if example:
+        text += f"\n{_shown(example)}\n"
+    block = f"```text\n{text.strip()}\n```\n"
     return f"### {type_.__name__}\n\n{where}{_doc(type_)}\n\n{block}"
 
 
 def _doc(type_: type) -> str:
-    """What a type is for: the first paragraph of its docstring."""
+    """Return what a type is for: the first paragraph of its docstring."""
     return " ".join(cleandoc(type_.__doc__ or "").partition("\n\n")[0].split())
 
 
 def _shown(message: Any) -> str:
-    """A message as JSON, with the numbers of bytes in place of bytes."""
-    return msgspec.json.encode(
-        _readable(msgspec.to_builtins(message, builtin_types=(bytes,)))
-    ).decode()
+    """Return a message as JSON, with the numbers of bytes in place of bytes."""
+    plain = msgspec.to_builtins(message, builtin_types=(bytes,))
+    return msgspec.json.encode(_readable(plain)).decode()
 
 
 def _readable(value: Any) -> Any:
+    """Return plain data without bytes."""
     if isinstance(value, dict):
         return {key: _readable(part) for key, part in value.items()}
     if isinstance(value, list | tuple):
@@ -159,10 +185,12 @@ def _readable(value: Any) -> Any:
 
 
 def _union(title: str, union: Any) -> str:
+    """Return the section of deeds, requests or answers: a line for each kind of them."""
     lines = []
     for member in get_args(union):
         fields = ", ".join(f"`{name}` {kind}" for name, kind, _ in rows_of(member))
-        lines.append(f"- `{struct_of(member).tag}`{fields and f' ({fields})'}: {_doc(member)}\n")
+        in_brackets = f" ({fields})" if fields else ""
+        lines.append(f"- `{struct_of(member).tag}`{in_brackets}: {_doc(member)}\n")
     return f"### The {title}\n\nA map with `type` and these fields.\n\n{''.join(lines)}"
 
 
@@ -187,7 +215,7 @@ def asyncapi() -> str:
             "license": {"name": "Apache-2.0"},
         },
         "defaultContentType": "application/msgpack",
-        "channels": {what: _channel(what, key) for what, key in TABLE.items()},
+        "channels": {name: _channel(name, key) for name, key in TABLE.items()},
         "operations": dict(_operations()),
         "components": {
             "schemas": unwrapped(_draft_7(schemas)),
@@ -197,15 +225,14 @@ def asyncapi() -> str:
             },
         },
     }
-    return (
-        msgspec.json.format(msgspec.json.encode(document), indent=1).decode().replace(r"\\Z", "$")
-        + "\n"
-    )
+    text = msgspec.json.format(msgspec.json.encode(document), indent=1).decode()
+    # The end of a text is \\Z in Python's patterns, and $ in those of JSON schemas.
+    return text.replace(r"\\Z", "$") + "\n"
 
 
 def _draft_7(schema: Any) -> Any:
-    """A JSON schema of msgspec in the older words of AsyncAPI: `items` for the places of a tuple,
-    and no `discriminator`.
+    """Return a JSON schema of msgspec in the older words of AsyncAPI: `items` for the places of a
+    tuple, and no `discriminator`.
     """
     if isinstance(schema, list):
         return [_draft_7(part) for part in schema]
@@ -221,31 +248,40 @@ def _draft_7(schema: Any) -> Any:
     return parts
 
 
-def _channel(what: str, key: Key) -> dict[str, Any]:
-    names = [part.strip("{}") for part in key.template.split("/") if part.startswith("{")]
+def _channel(name: str, key: Key) -> dict[str, Any]:
+    """Return a key as a channel of AsyncAPI: its address has parameters in braces."""
+    parameters: dict[str, Any] = {}
+    for part in key.template.split("/"):
+        if part.startswith("{"):
+            parameters[part.strip("{}")] = {}
+    if "prefix" in parameters:
+        parameters["prefix"] = {"default": PREFIX}
+    messages_of_key = {}
+    for type_ in _types_of(key):
+        messages_of_key[type_.__name__] = {"$ref": f"#/components/messages/{type_.__name__}"}
     return {
         "address": key.template,
-        "description": meaning_of(what),
-        "parameters": {name: {"default": PREFIX} if name == "prefix" else {} for name in names},
-        "messages": {
-            type_.__name__: {"$ref": f"#/components/messages/{type_.__name__}"}
-            for type_ in _types_of(key)
-        },
+        "description": meaning_of(name),
+        "parameters": parameters,
+        "messages": messages_of_key,
         "x-delivery": key.delivery,
-        "x-rate": WORDS[what].rate,
+        "x-rate": WORDS[name].rate,
     }
 
 
 def _operations() -> Iterator[tuple[str, dict[str, Any]]]:
-    """What physics does on each key, as AsyncAPI has it: it sends what it publishes, and receives
-    the rest.
+    """Yield what physics does on each key, as AsyncAPI has it: it sends what it publishes, and
+    receives the rest.
+
+    A liveliness token is there or not, and no operation.
     """
-    for what, key in TABLE.items():
+    for name, key in TABLE.items():
         if key.delivery == LIVELINESS:
             continue
-        channel, messages_ = {"$ref": f"#/channels/{what}"}, f"#/channels/{what}/messages/"
+        channel = {"$ref": f"#/channels/{name}"}
+        messages_ = f"#/channels/{name}/messages/"
         operation: dict[str, Any] = {
-            "action": "send" if WORDS[what].sender == PHYSICS else "receive",
+            "action": "send" if WORDS[name].sender == PHYSICS else "receive",
             "channel": channel,
         }
         if key.message:
@@ -255,4 +291,4 @@ def _operations() -> Iterator[tuple[str, dict[str, Any]]]:
                 "channel": channel,
                 "messages": [{"$ref": messages_ + type_.__name__} for type_ in key.replies],
             }
-        yield what, operation
+        yield name, operation

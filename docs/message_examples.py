@@ -53,18 +53,21 @@ from orchard.wire.messages import (
     Velocity,
 )
 
+# The run, the session and the tick of all examples.
 RUN = "5f0c2a9e4b7d4c11"
 SESSION = "a1b2c3d4"
 TICK = 120
 
 
 def _seen(name: str, beams: int) -> Observation:
+    """Return what a body sees: it drives east at 1 m/s, and only its first beam returns."""
     ranges = np.full(beams, np.inf, dtype="<f4")
     ranges[0] = 2.5
     return Observation(name, TICK, -23.5, 10.75, (0.0, 1.0), Twist(1.0), ranges)
 
 
 def _sights() -> Observations:
+    """Return what all bodies see, of which there is one."""
     seen = _seen("bin_01", 60)
     return Observations(
         TICK,
@@ -96,6 +99,7 @@ _PICKER = BodyStart(
     rows=[1, 2],
 )
 _KIND = orchard_of(RUN, TICK, lay_out(Scenario())).kinds["picker"]
+# Message type -> its example.
 EXAMPLES: dict[type, SubMessage] = {
     type(message): message
     for message in (

@@ -10,11 +10,9 @@ from orchard.contract.messages import FASTEST, Answer, Deed, Request, Tick
 from orchard.wire.messages import FARTHEST
 
 UNIONS: dict[str, Any] = {"deeds": Deed, "requests": Request, "answers": Answer}
-WIDE = (
-    (-FARTHEST, FARTHEST),
-    (-FASTEST, FASTEST),
-)  # bounds that docs/templates/messages.md.in names once
-TICKS = get_args(Tick)[1].description  # which that template says once
+# Limits, and a meaning, that docs/templates/messages.md.in says once, and no field again.
+WIDE = ((-FARTHEST, FARTHEST), (-FASTEST, FASTEST))
+TICKS = get_args(Tick)[1].description
 MEMBERS = {member for union in UNIONS.values() for member in get_args(union)}
 
 
@@ -44,15 +42,16 @@ def rows_of(type_: type) -> Iterator[tuple[str, str, str]]:
 
 
 def parts_of(type_: type) -> set[type]:
-    """The maps in a message, at any depth, but for deeds, requests and answers."""
-    found: set[type] = set()
+    """Return the maps in a message, at any depth, but for deeds, requests and answers."""
+    maps: set[type] = set()
     waiting: list[Any] = [inspect.type_info(type_)]
     while waiting:
         part = waiting.pop()
         if isinstance(part, inspect.StructType):
-            if part.cls in found or part.cls in MEMBERS:
+            if part.cls in maps or part.cls in MEMBERS:
                 continue
-            found.add(part.cls)
+            maps.add(part.cls)
+        # The types that are in this one, by the names that msgspec has for them in each kind.
         waiting += [field.type for field in getattr(part, "fields", ())]
         waiting += [*getattr(part, "types", ()), *getattr(part, "item_types", ())]
         waiting += [
@@ -60,11 +59,11 @@ def parts_of(type_: type) -> set[type]:
             for name in ("type", "item_type", "value_type")
             if hasattr(part, name)
         ]
-    return found - {type_}
+    return maps - {type_}
 
 
 def _bare(type_: inspect.Type) -> tuple[inspect.Type, str]:
-    """A type without its metadata, and its description."""
+    """Return a type without its metadata, and its description."""
     if not isinstance(type_, inspect.Metadata):
         return type_, ""
     return type_.type, (type_.extra_json_schema or {}).get("description", "")
@@ -83,7 +82,7 @@ _NAMES: dict[type, str] = {
 
 
 def type_name(type_: inspect.Type) -> str:
-    """The name of a type in msgpack, with its bounds."""
+    """Return the name of a type in msgpack, with its bounds."""
     if isinstance(type_, inspect.Metadata):
         return type_name(type_.type)
     if isinstance(type_, inspect.UnionType):
@@ -105,29 +104,36 @@ def type_name(type_: inspect.Type) -> str:
 
 
 def _union_name(names: list[str]) -> str:
+    """Return the name of a union: `request` for all requests, else those of its members."""
     rest = [name for name in names if name != "nil"]
     for title, union in UNIONS.items():
         if set(rest) == {member.__name__ for member in get_args(union)}:
-            return title[:-1]
+            # The titles are plurals.
+            return title.removesuffix("s")
     return "|".join(rest)
 
 
 def _bounds(type_: Any) -> str:
-    low, high = getattr(type_, "ge", None), _highest(type_)
+    """Return the bounds of a number, or the words that a text may be; nothing if it may be any."""
+    low = getattr(type_, "ge", None)
+    high = _highest(type_)
     if low is not None and high is not None and (low, high) not in WIDE:
         return f"({_figure(low)}..{_figure(high)})" if low != high else f"({_figure(low)})"
-    if choice := re.fullmatch(r"\^\((\w+(?:\|\w+)*)\)\$", getattr(type_, "pattern", None) or ""):
+    # A pattern such as ^(east|west)$ is a choice of words.
+    pattern = getattr(type_, "pattern", None) or ""
+    choice = re.fullmatch(r"\^\((\w+(?:\|\w+)*)\)\$", pattern)
+    if choice:
         return ": " + "|".join(f"'{word}'" for word in choice[1].split("|"))
     return ""
 
 
 def _highest(type_: Any) -> float | None:
-    """The highest number of a type, if it has one."""
+    """Return the highest number of a type; None if there is no limit."""
     if isinstance(type_, inspect.IntType) and type_.lt is not None:
         return type_.lt - 1
     return getattr(type_, "le", None)
 
 
 def _figure(number: float) -> str:
-    """A number in full if it is an int."""
+    """Return a number as text, an int with all its digits."""
     return str(number) if isinstance(number, int) else f"{number:g}"

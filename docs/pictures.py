@@ -34,14 +34,16 @@ MENU = 36  # pixels of the window's top, which are cut off
 GREETING = 8.0  # s of wall time after which the viewer's greeting is gone
 PATIENCE = 60.0  # s of wall time
 
-SHOWN, RECORDED = 118.0, 380.0  # s: the moment of the picture, and how far its run went
-WINDOW = (1600, 900)  # pixels, without the menu
+# The picture: its moment, and how far the run in it went, s; the window, pixels, without the menu.
+SHOWN = 118.0
+RECORDED = 380.0
+WINDOW = (1600, 900)
 
-EXCHANGE = (
-    86.0,
-    134.0,
-)  # s: a carrier brings an empty bin, which the picker takes into its next row
-SPEED, RATE = 4.0, 8.0  # simulated s per s; frames per s
+# The film: from when to when, s. A carrier brings an empty bin, which the picker takes into its
+# next row.
+EXCHANGE = (86.0, 134.0)
+SPEED = 4.0  # simulated s per s
+RATE = 8.0  # frames per s
 HOLD = 1.5  # s for which the last frame stands
 SMALL_WINDOW = (720, 460)  # pixels
 QUALITY = 60  # of WebP, up to 100
@@ -59,11 +61,12 @@ def record(path: Path, seconds: float) -> None:
 
 @contextmanager
 def looking_at(size: tuple[int, int], *files: Path) -> Iterator[ViewerClient]:
-    """A viewer without a window that has loaded a recording, and perhaps a blueprint.
+    """In this context, a viewer without a window has loaded a recording, and perhaps a blueprint.
 
     `size`: pixels, without the menu.
     """
-    port, (width, height) = free_port(), size
+    port = free_port()
+    width, height = size
     command = [
         viewer_program(),
         "--headless",
@@ -98,6 +101,7 @@ def _wait_for_the_greeting(client: ViewerClient) -> None:
 
 
 def _connected(port: int) -> ViewerClient:
+    """Wait until the viewer answers at a port, and return a client of it."""
     deadline = time.monotonic() + PATIENCE
     while True:
         try:
@@ -111,26 +115,29 @@ def _connected(port: int) -> ViewerClient:
 
 
 def at(client: ViewerClient, seconds: float, view: str | None = None) -> Image.Image:
-    """The window, or one view, at a time.
+    """Return the picture of the window, or of one view, at a time.
 
-    The first pictures after a change may still be the old one.
+    The first pictures after a change may still be the old one: the third one counts.
     """
-    client.set_time("sim_time", duration=seconds, play_state="paused")
-    shown = next((known.view_id for known in client.get_state().views if known.name == view), None)
+    client.set_time(TIMELINE, duration=seconds, play_state="paused")
+    view_id = None
+    for known in client.get_state().views:
+        if known.name == view:
+            view_id = known.view_id
     for _ in range(3):
-        png = client.take_screenshot(shown)
+        png = client.take_screenshot(view_id)
     return Image.open(io.BytesIO(png)).convert("RGB")
 
 
 def picture(recording: Path) -> Image.Image:
-    """The window without its menu."""
+    """Return the picture of the window without its menu."""
     with looking_at(WINDOW, recording) as client:
         _wait_for_the_greeting(client)
         return at(client, SHOWN).crop((0, MENU, WINDOW[0], WINDOW[1] + MENU))
 
 
 def film(recording: Path) -> list[Image.Image]:
-    """The frames of an exchange, in the view that follows the work."""
+    """Return the frames of an exchange, in the view that follows the work."""
     blueprint = recording.with_suffix(".rbl")
     panels = (
         rrb.TimePanel(state="collapsed", timeline=TIMELINE),
@@ -142,13 +149,15 @@ def film(recording: Path) -> list[Image.Image]:
     ).save("orchard", blueprint)
     with looking_at(SMALL_WINDOW, recording, blueprint) as client:
         _wait_for_the_greeting(client)
-        return [at(client, seconds, "At work") for seconds in np.arange(*EXCHANGE, SPEED / RATE)]
+        moments = np.arange(*EXCHANGE, SPEED / RATE)
+        return [at(client, seconds, "At work") for seconds in moments]
 
 
 def save_film(frames: list[Image.Image], path: Path) -> None:
     """Write an animated WebP, which READMEs show as they show GIF, in all colours and a fraction of
     GIF's size.
     """
+    # ms, of each frame and of the last one.
     durations = [round(1000 / RATE)] * (len(frames) - 1) + [round(1000 * HOLD)]
     frames[0].save(
         path, save_all=True, append_images=frames[1:], duration=durations, loop=0, quality=QUALITY
@@ -157,8 +166,9 @@ def save_film(frames: list[Image.Image], path: Path) -> None:
 
 if __name__ == "__main__":
     with TemporaryDirectory() as folder:
-        long, short = Path(folder) / "picture.rrd", Path(folder) / "film.rrd"
-        record(long, RECORDED)
-        picture(long).save(HERE / "orchard.png", optimize=True)
-        record(short, EXCHANGE[1])
-        save_film(film(short), HERE / "exchange.webp")
+        of_picture = Path(folder) / "picture.rrd"
+        of_film = Path(folder) / "film.rrd"
+        record(of_picture, RECORDED)
+        picture(of_picture).save(HERE / "orchard.png", optimize=True)
+        record(of_film, EXCHANGE[1])
+        save_film(film(of_film), HERE / "exchange.webp")

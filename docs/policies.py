@@ -2,7 +2,6 @@
 tables of docs/bounds.md.
 """
 
-import re
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -11,11 +10,11 @@ from docs.svg import svg_of
 
 PAGE = Path(__file__).with_name("bounds.md")
 POLICIES = ("nearest", "farthest-first", "predictive")
-ONE_WAY, TWO_WAY = (
-    "## Policies on one-way roads",
-    "## Policies on two-way roads",
-)  # the chapters with the tables
-LOOKS = {  # chapter and policy -> colour of the bar
+# The chapters with the tables.
+ONE_WAY = "## Policies on one-way roads"
+TWO_WAY = "## Policies on two-way roads"
+# Chapter and policy -> colour of the bar.
+LOOKS = {
     (ONE_WAY, "nearest"): "#b9c4b0",
     (ONE_WAY, "farthest-first"): "#7fa874",
     (ONE_WAY, "predictive"): "#3f8f4a",
@@ -24,7 +23,9 @@ LOOKS = {  # chapter and policy -> colour of the bar
     (TWO_WAY, "predictive"): "#2f66a8",
 }
 SPEED = "1"  # m/s, the picking speed of the orchards that are drawn
-INK, BAR = "#24301f", 0.13
+INK = "#24301f"
+# Width of a bar; from one orchard to the next it is 1.
+BAR = 0.13
 
 
 def picture() -> str:
@@ -34,7 +35,9 @@ def picture() -> str:
     drawing = Figure(figsize=(8.6, 3.9), layout="constrained")
     axes = drawing.subplots()
     for number, ((chapter, policy), colour) in enumerate(LOOKS.items()):
-        places = [i + BAR * (number - (len(LOOKS) - 1) / 2) for i in range(len(orchards))]
+        # The bars of an orchard stand side by side around its place.
+        offset = BAR * (number - (len(LOOKS) - 1) / 2)
+        places = [place + offset for place in range(len(orchards))]
         heights = [rates[chapter][orchard][policy] for orchard in orchards]
         road = "one-way" if chapter == ONE_WAY else "two-way"
         bars = axes.bar(places, heights, BAR * 0.92, color=colour, label=f"{road}, {policy}")
@@ -49,17 +52,22 @@ def picture() -> str:
 
 
 def _rates(chapter: str) -> dict[str, dict[str, float]]:
-    """The table of a chapter: orchard -> policy -> bins an hour."""
+    """Return the figures of a chapter's table: orchard -> policy -> bins an hour."""
     text = PAGE.read_text()
-    lines = [
-        line for line in text[text.index(chapter) :].splitlines()[1:] if line.startswith(("|", "#"))
-    ]
-    end = next(i for i, line in enumerate([*lines, "#"]) if line.startswith("#"))
-    head, _, *body = [
-        [cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in lines[:end]
-    ]
-    rows = [dict(zip(head, cells, strict=True)) for cells in body if cells[1] == SPEED]
-    return {
-        row[head[0]]: {policy: float(re.split(r"\s", row[policy])[0]) for policy in POLICIES}
-        for row in rows
-    }
+    _, *lines = text[text.index(chapter) :].splitlines()
+    table = []
+    for line in lines:
+        if line.startswith("#"):
+            # The next chapter begins.
+            break
+        if line.startswith("|"):
+            table.append([cell.strip().strip("`") for cell in line.strip("|").split("|")])
+    head, _, *body = table
+    rates: dict[str, dict[str, float]] = {}
+    for cells in body:
+        orchard, speed, *_ = cells
+        if speed == SPEED:
+            row = dict(zip(head, cells, strict=True))
+            # A cell may say more after its figure.
+            rates[orchard] = {policy: float(row[policy].split()[0]) for policy in POLICIES}
+    return rates

@@ -1,7 +1,8 @@
 """Figures that others published of kiwifruit, apples and table grapes, and ours beside them.
 
 Ours follow from the rates of the harvests in `docs/published_harvests.py`. `docs/validation.py`
-measures these, and writes the page.
+measures these, and writes the page. A key of the rates is the name of a harvest: "gangs 2007, 2"
+are the two gangs of 2007 with two tractors that drive.
 """
 
 from collections.abc import Callable, Mapping
@@ -74,14 +75,14 @@ def gain_of_a_third(rates: Rates) -> float:
     """Return the most that a third tractor that drives adds to two, of all years, %."""
     gains = []
     for year in PEOPLE:
-        two = rates[f"gangs {year}, 2"]
-        three = rates[f"gangs {year}, 3"]
-        gains.append(100.0 * (three / two - 1.0))
+        with_two = rates[f"gangs {year}, 2"]
+        with_three = rates[f"gangs {year}, 3"]
+        gains.append(100.0 * (with_three / with_two - 1.0))
     return max(gains)
 
 
 def _bins_of_gangs(year: str, rates: Rates) -> str:
-    """Return what the tractors bring, beside what the people would pick who need no ways."""
+    """Return what the tractors bring, beside what people would pick that need no ways, in words."""
     driving = _driving(year, rates)
     brought = rates[f"gangs {year}, {driving}"] * TRAILER_BINS
     picked = TRAILERS_AN_HOUR_AND_PERSON * PEOPLE[year] * TRAILER_BINS

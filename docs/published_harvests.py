@@ -116,9 +116,10 @@ WATCHING_COST = 15.03
 # -- boxes and the haul
 
 # Apples on a metre of a row, kg: 56.8 t/ha in rows 3.66 m apart.
+# A metre of a row has 3.66 m2, and a t/ha is 0.1 kg/m2.
 KILOGRAMS_A_METRE = 56.8 * 3.66 / 10.0
 BOX_KILOGRAMS = 330.0
-# S for which a load is away, so that a forklift with 4 boxes brings the published 5.13 t/h.
+# Seconds for which a load is away, so that a forklift with 4 boxes brings the published 5.13 t/h.
 FITTED_AWAY = 618.6
 TRAIN_BINS = 6
 # A tractor on the way to the pack house, m/s, as slow as all else here.

@@ -1,21 +1,23 @@
 """docs/reference.md: scenario, results, figures and geometry of the orchard.
 
-Prose, and tables made from the constants of the code.
+Prose, and tables made from the constants of the code. `python -m docs.generate` writes the file.
+The chapters on the scenario, on a carrier's job and on roads stand in scenario.py, carrier.py and
+road_places.py.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
 from math import degrees
 from pathlib import Path
 
-from docs import carrier, scenario
+from docs import carrier, road_places, scenario
+from docs.markdown import area, every, of_pi, points, points_of, seconds, section, table
 from orchard.behaviour import tractor, walker, weed
 from orchard.field import lanes, placement
 from orchard.field import layout as field
-from orchard.field.geometry import Rect
 from orchard.field.kinds import AROUND, EIGHTH, KINDS, LASER_RANGE, Kind, Laser
 from orchard.field.layout import Layout, lay_out
-from orchard.field.queue import BAY_STOP, CLOSED_UP, ONE_WAY, PITCH, TOP_ROAD, USUAL_ROW
-from orchard.field.repeatable import PI, QUARTER
+from orchard.field.queue import CLOSED_UP, ONE_WAY, USUAL_ROW
+from orchard.field.repeatable import QUARTER
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.field.survey import TRUNK
 from orchard.plans import course, driving, robot_memory, sense
@@ -23,56 +25,6 @@ from orchard.plans.route import OneWay
 from orchard.plans.two_way import TwoWay
 from orchard.sim import deeds
 from orchard.sim.kernels import move
-
-Rows = Iterable[Sequence[str]]
-
-# -- markdown
-
-
-def _table(head: str, rows: Rows) -> str:
-    """A table; `head`: the titles of the columns with | between them.
-
-    Line breaks in cells become spaces.
-    """
-    titles = head.split("|")
-    lines = [titles, *rows]
-    head, *body = (f"| {' | '.join(' '.join(cell.split()) for cell in line)} |" for line in lines)
-    return "\n".join([head, f"|{'---|' * len(titles)}", *body])
-
-
-def _points_of(rows: Rows) -> str:
-    """A list of things and what they are."""
-    return "\n".join(f"- **{what}**: {' '.join(figure.split())}" for what, figure in rows)
-
-
-def _section(title: str, *parts: str) -> str:
-    return "\n\n".join([f"## {title}", *parts])
-
-
-def _points(places: Iterable[Sequence[float]]) -> str:
-    return ", ".join(f"({x:g}, {y:g})" for x, y, *_ in places)
-
-
-def _area(rect: Rect) -> str:
-    return f"x {rect.west:g} to {rect.east:g}, y {rect.south:g} to {rect.north:g}"
-
-
-def _every(values: Sequence[float]) -> str:
-    return (
-        f"{len(values)}, every {values[1] - values[0]:g} m from x = {values[0]:g} to x ="
-        f" {values[-1]:g}"
-    )
-
-
-def _seconds(ticks: int) -> str:
-    return f"{ticks * TIME_STEP:g} s"
-
-
-def _of_pi(radians: float) -> str:
-    return f"{radians / PI:g} pi"
-
-
-# -- the sections
 
 HEAD = """<!-- Made by docs/reference.py and docs/templates/results.md.in from the constants of the
 code: `make docs`. -->
@@ -91,7 +43,8 @@ RESULTS = Path(__file__).with_name("templates") / "results.md.in"
 def document() -> str:
     """Return the whole of docs/reference.md."""
     layout = lay_out(Scenario())
-    route, other = OneWay(lay_out(Scenario(route=ONE_WAY))), TwoWay(lay_out(Scenario(carriers=10)))
+    route = OneWay(lay_out(Scenario(route=ONE_WAY)))
+    other = TwoWay(lay_out(Scenario(carriers=10)))
     results = RESULTS.read_text().rstrip()
     sections = (
         _field(layout),
@@ -100,9 +53,9 @@ def document() -> str:
         _laser(),
         _behaviours(),
         _work(),
-        _places(route),
+        road_places.one_way(route),
         carrier.chapter(),
-        _two_way(other),
+        road_places.two_way(other),
     )
     return "\n\n".join([HEAD, scenario.section(), results, *sections]) + "\n"
 
@@ -131,8 +84,8 @@ def _field(layout: Layout) -> str:
             y = {lanes.TREE_TOP_LINE:g}, or so far south that the first lane lies at
             y = {lanes.FIRST_LANE:g}; each next one row_width + {TRUNK:g} m further south""",
         ),
-        ("trees in a line", _every(layout.lines[0].trees_x)),
-        ("posts in a line", f"{_every(layout.lines[0].posts_x)}: halfway between trees"),
+        ("trees in a line", every(layout.lines[0].trees_x)),
+        ("posts in a line", f"{every(layout.lines[0].posts_x)}: halfway between trees"),
         ("trunks and posts", f"{TRUNK:g} x {TRUNK:g} m; trunks 1.8 m high, posts 2.8 m"),
         (
             "row, or lane",
@@ -144,17 +97,17 @@ def _field(layout: Layout) -> str:
         ),
         (
             "driveway",
-            f"{_area(field.DRIVEWAY)}; no obstacle. Its west and north edges lie under the fences",
+            f"{area(field.DRIVEWAY)}; no obstacle. Its west and north edges lie under the fences",
         ),
-        ("bay", f"{_area(field.BAY)}: the south edge of the driveway"),
-        ("queue", _area(layout.queue.area)),
+        ("bay", f"{area(field.BAY)}: the south edge of the driveway"),
+        ("queue", area(layout.queue.area)),
     ]
     text = f"""Fruit is not modelled. The code is `orchard/field/layout.py`. The table is for rows
 of {USUAL_ROW:g} m with the bay at its usual place. `row_length` moves the rows' east ends, and
 everything east of them; a line of trees then has as many trees as fit up to {lanes.LAST_TREE:g} m
 before the row's end. `bay` moves the bay east along the top road. Each further place of `bays`
 makes it {CLOSED_UP:g} m longer in the west."""
-    return _section("The field", _points_of(rows), text)
+    return section("The field", points_of(rows), text)
 
 
 def _things(layout: Layout) -> str:
@@ -165,13 +118,13 @@ move sideways. A bin moves only while it is coupled. Weeds are not solid, and no
     starts = f"""A start holds where the place is free; else the body starts at the nearest free
 point of a grid of {placement.GRID:g} m. A place is free where the circle around the body is
 {placement.CLEAR:g} m away from all solid things. People and animals do not start on the queue lines
-in use, where the tractor drives ({_area(placement.TRACK)}), or within {placement.AHEAD_OF_PICKER:g}
+in use, where the tractor drives ({area(placement.TRACK)}), or within {placement.AHEAD_OF_PICKER:g}
 m ahead of a picker. More of them than have a place above start at random places, as weeds do."""
-    return _section(
+    return section(
         "The things in it",
-        _table(head, map(_kind_row, KINDS.items())),
+        table(head, map(_kind_row, KINDS.items())),
         notes,
-        _points_of(_starts(layout)),
+        points_of(_starts(layout)),
         starts,
     )
 
@@ -184,16 +137,14 @@ def _kind_row(item: tuple[str, Kind]) -> Sequence[str]:
         size,
         ", ".join(map(str, kind.colour)),
         f"{kind.speed:g}",
-        _of_pi(kind.turn),
+        of_pi(kind.turn),
         "yes" if kind.solid else "no",
     )
 
 
 def _starts(layout: Layout) -> Iterator[Sequence[str]]:
-    first, tractors = (
-        layout.queue.place(0),
-        [start.pose for start in layout.starts if start.kind == "tractor"],
-    )
+    first = layout.queue.place(0)
+    tractors = [start.pose for start in layout.starts if start.kind == "tractor"]
     yield (
         "picker",
         (
@@ -203,14 +154,13 @@ def _starts(layout: Layout) -> Iterator[Sequence[str]]:
     )
     yield (
         "carrier",
-        f"in the queue, the first at {_points([first])}, facing east, an empty bin behind it",
+        f"in the queue, the first at {points([first])}, facing east, an empty bin behind it",
     )
-    yield "tractor", f"{_points(tractors)}, facing east"
+    yield "tractor", f"{points(tractors)}, facing east"
     for kind, given in placement.GIVEN.items():
         yield (
             kind,
-            _points(given)
-            or "at random: odd numbers north of the rows, even numbers south of them",
+            points(given) or "at random: odd numbers north of the rows, even numbers south of them",
         )
 
 
@@ -228,10 +178,10 @@ A robot couples a bin only while both stand still, with the bin's centre within
 {deeds.COUPLING_REACH:g} m of the coupling point and its sides within
 {degrees(deeds.COUPLING_ANGLE):g} degrees. A bin is square, so any quarter turn fits. Coupling and
 uncoupling move nothing."""
-    return _section(
+    return section(
         "Towing",
         text,
-        _table(head, [_tow_row(name, kind) for name, kind in KINDS.items() if kind.tows]),
+        table(head, [_tow_row(name, kind) for name, kind in KINDS.items() if kind.tows]),
     )
 
 
@@ -257,11 +207,11 @@ to float32. A scenario may add Gaussian noise.
 The scan plane is 0.2 m above the ground. Fences, trunks, posts and all solid bodies but the
 scanning one return; weeds, crowns and the pergola do not. A robot that tows receives its bin's scan
 too, and so what is behind it. A flattened weed measures nothing."""
-    return _section("The laser", _table(head, rows), text)
+    return section("The laser", table(head, rows), text)
 
 
 def _laser_row(laser: Laser, names: Iterable[str], where: str) -> Sequence[str]:
-    return ", ".join(names), str(laser.beams), _of_pi(laser.first), f"{laser.increment:.6f}", where
+    return ", ".join(names), str(laser.beams), of_pi(laser.first), f"{laser.increment:.6f}", where
 
 
 def _behaviours() -> str:
@@ -270,7 +220,7 @@ def _behaviours() -> str:
         (
             "turn (`Face`)",
             (
-                f"at the machine's rate, by default {_of_pi(EIGHTH)} rad/s: {QUARTER / EIGHTH:g} s"
+                f"at the machine's rate, by default {of_pi(EIGHTH)} rad/s: {QUARTER / EIGHTH:g} s"
                 " for 90 degrees; it ends exactly at a heading"
             ),
         ),
@@ -304,7 +254,7 @@ def _behaviours() -> str:
         (
             "people and animals near a turn",
             f"""a robot asks them for their places
-            {sense.ASK_AHEAD:g} s before they may be near; after {_seconds(sense.SILENT_TICKS)}
+            {sense.ASK_AHEAD:g} s before they may be near; after {seconds(sense.SILENT_TICKS)}
             without an answer the lasers decide""",
         ),
         (
@@ -315,26 +265,26 @@ def _behaviours() -> str:
         ),
         (
             "after a collision",
-            f"""a robot stands for {_seconds(robot_memory.RECOVERY)}; a person or an
-            animal backs off or turns for {_seconds(walker.RECOVERY)}""",
+            f"""a robot stands for {seconds(robot_memory.RECOVERY)}; a person or an
+            animal backs off or turns for {seconds(walker.RECOVERY)}""",
         ),
         ("person", "walks straight on at its full speed, and turns only for what is in its path"),
         (
             "animal",
-            f"""every {_seconds(walker.MIND_CHANGES)} a new speed and turn (up to 1 s), at
+            f"""every {seconds(walker.MIND_CHANGES)} a new speed and turn (up to 1 s), at
             random; at most 1 m/s while it turns away from something""",
         ),
         (
             "turning away (people, animals)",
             f"""something in the path nearer than
-            {walker.STEER_WITHIN:g} m: steer to the freer side at {_of_pi(walker.STEER)} rad/s;
+            {walker.STEER_WITHIN:g} m: steer to the freer side at {of_pi(walker.STEER)} rad/s;
             nearer than {walker.TURN_WITHIN:g} m: stop and turn left until
             {2 * walker.TURN_WITHIN:g} m are free""",
         ),
         (
             "lingering (people, animals)",
             f"""one that got no farther than {walker.LINGER:g} m in
-            {_seconds(walker.LINGER_TICKS)} walks off in a free direction. None stays within a
+            {seconds(walker.LINGER_TICKS)} walks off in a free direction. None stays within a
             circle of 3 m for 60 s (`tests/behaviour/test_walkers.py`)""",
         ),
         (
@@ -348,7 +298,7 @@ def _behaviours() -> str:
             it asks when what it sees within {weed.NEAR:g} m changes""",
         ),
     ]
-    return _section("The behaviours", _points_of(rows))
+    return section("The behaviours", points_of(rows))
 
 
 def _work() -> str:
@@ -382,121 +332,4 @@ def _work() -> str:
    pickers stand. Full bins may wait for the truck.
 
 Physics alone decides what counts: motion, coupling, picking, unloading, and the end of a weed."""
-    return _section("The work", text)
-
-
-def _places(route: OneWay) -> str:
-    front = KINDS["picker"].length / 2
-    xs = [
-        (
-            "full bin",
-            route.FULL_BIN,
-            (
-                "clear of the trunks; in the west the picker drives 2 m past the row's end to leave"
-                " it there"
-            ),
-        ),
-        (
-            "picker waits to cross",
-            route.PICKER_HOLD,
-            f"""until it holds both roads' places; its front is {front:g} m further; x =
-            {route.INNER_HOLD:g} if the row before is nearer than {route.LOOP_ZONE:g} m""",
-        ),
-        ("carrier couples", route.COUPLING, "with the full bin right behind it"),
-        ("full-bin road F", route.F_ROAD, "from there to the bay"),
-        ("delivery road D", route.D_ROAD, "from the queue; the picker's coupling point lies on it"),
-        ("picker waits", route.WAITING, "for an empty bin; its way to the next row, too"),
-        ("picker parked", route.PARKED, "after its last row"),
-    ]
-    along = [
-        ("stop of a delivering carrier", f"{route.STOP:g} m past the lane"),
-        (
-            "carrier waits for a lane's place",
-            (
-                f"{route.HOLD:g} m before the lane; it asks for the place {driving.LOOK_AHEAD:g} s"
-                " before that"
-            ),
-        ),
-        ("carrier's tail has left a lane's place", f"{route.CLEAR:g} m past the lane"),
-        (
-            "roads along the bottom",
-            f"""F {route.F_BOTTOM:g} m and D {route.D_BOTTOM:g} m south of the last tree line, or of
-            {route.LAST_LANE:g} m south of the last lane, whichever lies further south""",
-        ),
-        ("wait for the south-west corner, on D", f"x = {route.CORNER_HOLD_X:g}"),
-        (
-            "top road",
-            (
-                f"y = {TOP_ROAD:g}, through the bay to the queue; a carrier that unloads stops at x"
-                f" = {BAY_STOP:g}"
-            ),
-        ),
-        ("turn to a queue line", f"x = {route.queue.turn_off:g} on the top road"),
-        (
-            "queue lines, in the order in which they fill",
-            f"y = {', '.join(f'{y:g}' for y in route.queue.lines)}",
-        ),
-        (
-            "places of a line",
-            f"{route.queue.places}, every {PITCH:g} m westward from x = {route.queue.head:g}",
-        ),
-        (
-            "carrier has left the place `top`",
-            f"{route.TOP_CLEAR:g} m south of the southernmost line in use",
-        ),
-    ]
-    text = """The west side is the east side turned by half a turn about x = -1.5: x becomes -3 - x,
-and south becomes north. Carriers drive south on the east side and north on the west side; distances
-before and past a lane are along that direction, from the lane's centre line to the robot's centre.
-[traffic.md](traffic.md) has the plan, its reasons, and why robots cannot block each other for
-ever."""
-    columns = [(name, f"{x:g}", f"{route.west.x(x):g}", note) for name, x, note in xs]
-    lanes = _table("place at a lane | x, east | x, west | note", columns)
-    return _section("Places and roads: `one-way`", text, lanes, _points_of(along))
-
-
-def _two_way(route: TwoWay) -> str:
-    rows = [
-        ("top road of full bins", f"y = {route.F_TOP:g}"),
-        ("top road of deliveries to the west", f"y = {route.D_TOP:g}"),
-        ("connector", f"{route.TO_CONNECTOR:g} m east of the queue's heads"),
-        (
-            "carrier waits before a line's place",
-            f"""at the connector: at the head, or
-            {route.LINE_HOLD:g} m north of the line; at the delivery road: at x =
-            {route.ENTRY_HOLD:g}, or {route.LINE_HOLD:g} m north of the line""",
-        ),
-        (
-            "carrier has left a line's place",
-            f"""{route.TOP_CLEAR:g} m south of the line; at the
-            connector, straight on, {route.EXIT_CLEAR:g} m east of it""",
-        ),
-        (
-            "delivery waits for a lane's place",
-            f"{route.HOLD:g} m north of the lane; of the first lane at y = {route.CORNER_HOLD:g}",
-        ),
-        ("delivery's tail has left a lane's place", f"{route.CLEAR:g} m south of the lane"),
-        ("full bin waits for a lane's place", f"{route.F_HOLD:g} m south of the lane"),
-        ("full bin has left a lane's place", f"{route.F_CLEAR:g} m north of the lane"),
-        (
-            "north-east corner",
-            f"""a delivery waits at y = {route.CORNER_HOLD:g} and has left it at y
-            = {route.CORNER_CLEAR:g}; a full bin waits where it turns, and has left it at x =
-            {route.BIN_CLEAR:g}""",
-        ),
-        (
-            "merge in the north-west",
-            f"""from the top road a full bin waits at x =
-            {route.WEST_HOLD:g}, from the south at y = {route.MERGE_HOLD:g}; it has left it at y =
-            {route.MERGE_CLEAR:g}""",
-        ),
-        (
-            "crossing in the north-west",
-            f"""a full bin waits at y = {route.CROSSING_HOLD:g}, and has
-            left it at y = {route.CROSSING_CLEAR:g}; a delivery waits at x = {route.WEST_HOLD:g}
-            until it faces south""",
-        ),
-    ]
-    text = """The lanes, and the places at a lane, are those of `one-way`; the west side is the east
-side mirrored. The code is `orchard/plans/two_way.py` and `orchard/field/queue.py`."""
-    return _section("Places and roads: `two-way`", text, _points_of(rows))
+    return section("The work", text)

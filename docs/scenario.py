@@ -131,7 +131,7 @@ def _sources() -> str:
 
 
 def _lines(schema: dict[str, Any]) -> Iterator[str]:
-    """A line for each value."""
+    """Yield a line for each value."""
     for name, value in _values(schema):
         yield f"| `{name}` | {_default(value)}; {_limits(value)} | {value['description']} |"
 
@@ -139,7 +139,10 @@ def _lines(schema: dict[str, Any]) -> Iterator[str]:
 def _values(
     schema: dict[str, Any], section: str = "", whole: dict[str, Any] | None = None
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield each value with its schema; those of a section have dotted names."""
+    """Yield each value with its schema; those of a section have dotted names.
+
+    `schema`: of a section. `whole`: the schema with all definitions; None if `schema` is that.
+    """
     whole = whole or schema
     for name, value in schema["properties"].items():
         if "$ref" in value:
@@ -150,12 +153,15 @@ def _values(
 
 
 def _default(value: dict[str, Any]) -> str:
-    shown = {None: "null", True: "true", False: "false"}
+    """Return the default of a value as YAML writes it."""
     default = value["default"]
-    return f"`{shown[default] if isinstance(default, bool | None) else default}`"
+    if default is None or isinstance(default, bool):
+        default = {None: "null", True: "true", False: "false"}[default]
+    return f"`{default}`"
 
 
 def _limits(value: dict[str, Any]) -> str:
+    """Return what a value may be. A value of several types has the limits of the first one."""
     kinds = [kind for kind in value.get("anyOf", [value]) if kind.get("type") != "null"]
     low, high = kinds[0].get("minimum"), kinds[0].get("maximum")
     words = {"boolean": "true or false", "string": "a text", "object": "a map", "array": "a list"}

@@ -375,24 +375,23 @@ whatever the workers.
 def measure() -> None:
     """Ask the question again, with a fresh store, and keep the answer."""
     with TemporaryDirectory() as folder:
-        found = study(
-            parse(SCENARIO),
-            options=StudyOptions(budget_seconds=BUDGET, store=Path(folder, "studies.db")),
-        )
-    ANSWER.write_text(dumps(asdict(found), indent=1) + "\n")
+        options = StudyOptions(budget_seconds=BUDGET, store=Path(folder, "studies.db"))
+        answer = study(parse(SCENARIO), options=options)
+    ANSWER.write_text(dumps(asdict(answer), indent=1) + "\n")
     result.cache_clear()
 
 
 @cache
 def result() -> StudyResult:
-    """The answer that was measured last."""
+    """Return the answer that was measured last."""
     return msgspec.json.decode(ANSWER.read_bytes(), type=StudyResult)
 
 
 def picture() -> str:
     """Return docs/study.svg."""
     with TemporaryDirectory() as folder:
-        save(result(), path := Path(folder, "study.svg"))
+        path = Path(folder, "study.svg")
+        save(result(), path)
         return path.read_text()
 
 
@@ -408,13 +407,13 @@ def document() -> str:
 
 
 def _choices() -> str:
-    """The keys that a grower chooses."""
+    """Return the keys that a grower chooses, as a list in a sentence."""
     *keys, last = [f"`{path}`" for path in decided(Scenario, Decision.CHOICE)]
     return f"{', '.join(keys)} and {last}"
 
 
 def _output() -> str:
-    """What the command prints on a terminal."""
+    """Return what the command prints on a terminal."""
     console = Console(width=WIDTH, file=io.StringIO(), record=True)
     console.print(result().answer)
     console.print(as_table(result()))

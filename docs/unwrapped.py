@@ -8,7 +8,7 @@ def unwrapped(part: Any) -> Any:
     if isinstance(part, dict):
         return {name: _described(name, value) for name, value in part.items()}
     if isinstance(part, list):
-        return [unwrapped(one) for one in part]
+        return [unwrapped(item) for item in part]
     return part
 
 
@@ -19,6 +19,7 @@ def _described(name: str, value: Any) -> Any:
     lines: list[str] = []
     for line in value.split("\n"):
         text = line.strip() if lines else line
+        # An empty line ends a paragraph, and a hyphen begins a line of a list.
         continues = bool(lines and lines[-1] and text and not text.startswith("-"))
         if continues:
             lines[-1] += f" {text}"

@@ -1,6 +1,8 @@
 """docs/validation.md and its pictures: published figures beside those of the simulator.
 
 `python -m docs.validation` measures all anew, `--harvests` those of `docs/published.py` alone.
+
+`docs/crews.py` has the published curves of strawberries.
 """
 
 import argparse
@@ -8,6 +10,7 @@ import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
+from itertools import chain, product
 from multiprocessing import Pool
 from multiprocessing.pool import Pool as Workers
 from pathlib import Path
@@ -18,165 +21,31 @@ from typing import Any
 from matplotlib.figure import Figure
 from rich.progress import track
 
+from docs.crews import (
+    COUNTS,
+    CREW,
+    FINDINGS,
+    PERSON_SPEED,
+    PICKERS,
+    QUANTITIES,
+    ROBOT_SPEED,
+    Curve,
+    Finding,
+    Point,
+    crew,
+    efficiency,
+    non_productive,
+)
 from docs.published import FIGURES, FITTED, SOURCES, Published, gain_of_a_third
 from docs.published_harvests import HARVESTS, bins_per_hour
 from docs.svg import svg_of
-from orchard.field.layout import lay_out
-from orchard.field.scenario import NEAREST, Animals, People, Scenario
-from orchard.report.bounds import Bounds
-from orchard.report.limits import limit_of_question
-from orchard.report.long_run import long_run
+from orchard.field.scenario import NEAREST
 
 MEASURED = Path(__file__).with_name("validation.json")
-# The crew of the publications, and rows as in a slide of theirs (ASABE 2019, Boston).
-PICKERS = 25
-ROWS = 25
-ROW_LENGTH = 100.0  # m
-COUNTS = (4, 5, 6, 8, 10, 14)  # carriers
 SEEDS = (1, 2)  # of the harvests of docs/published.py
-CV = 0.28  # of the time to fill a tray, see config/hand_picking.yaml
-PERSON_SPEED = 1.0  # m/s, who carries
-ROBOT_SPEED = 2.0  # m/s: fitted to one published figure
 NEAR = 5.0  # points: a share that is nearer than this agrees
 NEAR_SHARE = 0.1  # another figure agrees if it differs by less than this of the published one
 WORDS = {NEAREST: "reactive", "predictive": "predictive"}
-
-# The efficiency of pickers who carry their bins themselves, and the dispatch policy of the
-# carriers.
-Curve = tuple[float, str]
-
-
-@dataclass(frozen=True)
-class Point:
-    """A published figure: of a quantity, at a number of carriers for the crew of 25."""
-
-    curve: Curve
-    carriers: int
-    quantity: str  # a key of QUANTITIES
-    published: float  # %
-    why: str = ""  # it differs
-    is_fitted: bool = False  # and does not count
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A publication, what it found, and the picture of the quantity that it is about."""
-
-    name: str
-    text: str
-    quantity: str
-    curves: tuple[Curve, ...]
-    points: tuple[Point, ...]
-
-
-def _gain(efficiency: float, alone: float) -> float:
-    return 100.0 * (efficiency / alone - 1.0)
-
-
-def _non_productive(efficiency: float, alone: float) -> float:
-    return 100.0 * ((1.0 / efficiency - 1.0) / (1.0 / alone - 1.0) - 1.0)
-
-
-QUANTITIES = {
-    "non-productive time": (_non_productive, "non-productive time of a bin, change in %"),
-    "gain": (_gain, "efficiency, change in %"),
-    "efficiency": (lambda efficiency, alone: 100.0 * efficiency, "efficiency, %"),
-}
-FIT = "the speed of robots, {speed:g} m/s"
-SAME = "it is of the same run"
-FEW = "each round leads past all rows here: 6 have {six:.1f} %, 8 {eight:.1f} %"
-FOUR = (
-    "four are no better than none there; robots of 1 m/s would be worse than none here, so no speed"
-    " fits both four and ten"
-)
-SURE = "their robots guess from a tray's weight when it is full; a bin here knows"
-MOST = (
-    "-92.2 % at most here: an exchange and the way to the next row take 27 of the 353 s in which a"
-    " person carries"
-)
-CREW = (0.80, NEAREST), (0.80, "predictive")
-MORNING, AFTERNOON, FIELD = (0.818, NEAREST), (0.782, NEAREST), (0.857, "predictive")
-FINDINGS = (
-    Finding(
-        "crew",
-        "C. Peng and S. Vougioukas, Deterministic predictive dynamic scheduling for crop-transport"
-        " co-robots acting as harvesting aids, Computers and Electronics in Agriculture, 2020. For"
-        " 25 pickers, four robots are no better than none, ten are enough, and more gain nothing."
-        " Both gains together follow from an efficiency of 80 % without robots.",
-        "non-productive time",
-        CREW,
-        (
-            Point(CREW[0], 10, "non-productive time", -64.6, FIT, is_fitted=True),
-            Point(CREW[1], 10, "non-productive time", -93.7, MOST),
-            Point(CREW[0], 4, "non-productive time", 0.0, FOUR),
-            Point(CREW[1], 4, "non-productive time", 0.0, FOUR),
-            Point(CREW[0], 10, "gain", 15.0, SAME, is_fitted=True),
-            Point(CREW[1], 10, "gain", 24.0),
-        ),
-    ),
-    Finding(
-        "five",
-        "H. Seyyedhasani, C. Peng, W. Jang and S. Vougioukas, Collaboration of human pickers and"
-        " crop-transporting robots during harvesting, part II, Computers and Electronics in"
-        " Agriculture, 2020: five robots for 25 pickers, by a simulator that field data confirm."
-        " With more, nothing is gained.",
-        "efficiency",
-        (MORNING, AFTERNOON),
-        (
-            Point(MORNING, 5, "efficiency", 92.0, FEW),
-            Point(AFTERNOON, 5, "efficiency", 86.5, FEW),
-        ),
-    ),
-    Finding(
-        "field",
-        "C. Peng and others, A strawberry harvest-aiding system with crop-transport co-robots,"
-        " arXiv 2107.13063: measured in the field with one robot for three pickers. Both figures"
-        " follow from an efficiency of 85.7 % without robots.",
-        "non-productive time",
-        (FIELD,),
-        (Point(FIELD, 8, "non-productive time", -60.0, SURE), Point(FIELD, 8, "gain", 10.0)),
-    ),
-)
-
-
-def crew(curve: Curve, carriers: int, seed: int = 1, robot_speed: float = ROBOT_SPEED) -> Scenario:
-    """Return an orchard whose pickers, if they carried their bins themselves, would pick for that
-    share of their time. `robot_speed`: of the carriers, m/s; a person walks 1 m/s.
-
-    Such a picker drives a carrier's round with each bin, so the time to fill one follows from the
-    length of that round.
-    """
-    alone, policy = curve
-    plain = Scenario(
-        rows=ROWS,
-        pickers=PICKERS,
-        row_length=ROW_LENGTH,
-        carriers=carriers,
-        route="two-way",
-        dispatch=policy,
-        seed=seed,
-        people=People(workers=0, visitors=0),
-        animals=Animals(dogs=0, cats=0),
-        weeds=0,
-        tractor=False,
-    )
-    bounds = Bounds(lay_out(plain.model_copy(update={"carriers": 1})))
-    filling = (bounds.crossing_seconds + bounds.cycle_seconds) * alone / (1.0 - alone)
-    changes = {
-        "picking_rate": 3600.0 / filling,
-        "picking": {"spread": {"distribution": "lognormal", "cv": CV}},
-        "carrying": {"speed": robot_speed},
-    }
-    return Scenario(**plain.model_dump() | changes)
-
-
-def efficiency(scenario: Scenario) -> float:
-    """Return the share of its time for which a picker picks, in the long run, in rows that take
-    their mean times: the rest is its wait, and its way to the next row.
-    """
-    hours_a_bin = 1.0 / scenario.chosen["picking_rate"]
-    figures = long_run(lay_out(scenario), limit=limit_of_question(scenario))
-    return hours_a_bin * figures.bins_per_hour / scenario.pickers
 
 
 def measure(harvests_only: bool = False) -> None:
@@ -193,6 +62,7 @@ def measure(harvests_only: bool = False) -> None:
 
 
 def _measured_curves(workers: Workers) -> list[dict[str, Any]]:
+    """Return the efficiency of each curve at each number of carriers."""
     asked = [(curve, carriers) for curve in _curves() for carriers in COUNTS]
     scenarios = [crew(curve, carriers) for curve, carriers in asked]
     runs = workers.imap(efficiency, scenarios)
@@ -205,32 +75,37 @@ def _measured_curves(workers: Workers) -> list[dict[str, Any]]:
 
 
 def _measured_harvests(workers: Workers) -> dict[str, float]:
-    asked = [(name, seed) for name in HARVESTS for seed in SEEDS]
+    """Return the rate of each harvest, bins an hour, the mean of its seeds."""
+    asked = list(product(HARVESTS, SEEDS))
     runs = workers.imap(_harvested, asked)
-    found = dict(zip(asked, track(runs, "harvests", len(asked)), strict=True))
+    rate_of = dict(zip(asked, track(runs, "harvests", len(asked)), strict=True))
     rates = {}
     for name in HARVESTS:
-        rates[name] = round(fmean(found[name, seed] for seed in SEEDS), 4)
+        rates[name] = round(fmean(rate_of[name, seed] for seed in SEEDS), 4)
     return rates
 
 
 def _harvested(asked: tuple[str, int]) -> float:
+    """Return the rate of a harvest with a seed. It takes both as one, as `imap` gives them."""
     name, seed = asked
     return bins_per_hour(name, seed)
 
 
 def _curves() -> list[Curve]:
-    return list(dict.fromkeys(curve for finding in FINDINGS for curve in finding.curves))
+    """Return all curves, each once."""
+    return list(dict.fromkeys(chain.from_iterable(finding.curves for finding in FINDINGS)))
 
 
 @cache
 def _kept() -> dict[str, Any]:
+    """Return what was measured last, as it stands in docs/validation.json."""
     kept: dict[str, Any] = json.loads(MEASURED.read_text())
     return kept
 
 
 @cache
 def _measured() -> dict[tuple[float, str, int], float]:
+    """Return the efficiencies by curve, its two parts, and carriers."""
     shares = {}
     for curve in _kept()["curves"]:
         shares[curve["alone"], curve["policy"], curve["carriers"]] = curve["efficiency"]
@@ -276,12 +151,13 @@ def document() -> str:
         plateau=_first_near_the_best(CREW[1]),
         reactive=_first_near_the_best(CREW[0]),
         speed=ROBOT_SPEED,
-        as_fast=_non_productive(_kept()["as_fast"], CREW[0][0]),
+        as_fast=non_productive(_kept()["as_fast"], CREW[0][0]),
         pictures="\n\n".join(_section(finding) for finding in FINDINGS),
     )
 
 
 def _rows(lines: Iterable[Line]) -> Iterator[str]:
+    """Yield the rows of the table, with one for the name of each group."""
     group = ""
     for line in lines:
         if line.group != group:
@@ -292,6 +168,7 @@ def _rows(lines: Iterable[Line]) -> Iterator[str]:
 
 
 def _mark(line: Line) -> str:
+    """Return the first words of the last column: whether a figure agrees, or does not count."""
     if line.uncounted:
         return f"{line.uncounted}, does not count: "
     if not line.agrees:
@@ -300,11 +177,13 @@ def _mark(line: Line) -> str:
 
 
 def _sources() -> Iterator[str]:
+    """Yield the sources, with the numbers by which the table cites them."""
     for number, text in enumerate(SOURCES.values(), start=1):
         yield fill(f"{number}. {text}", 140, subsequent_indent="   ", break_on_hyphens=False)
 
 
 def _lines_of_harvests() -> Iterator[Line]:
+    """Yield the lines of the figures of docs/published.py."""
     numbers = {source: number for number, source in enumerate(SOURCES, start=1)}
     rates = _kept()["harvests"]
     for figure in FIGURES:
@@ -321,12 +200,14 @@ def _lines_of_harvests() -> Iterator[Line]:
 
 
 def _range(figure: Published) -> str:
+    """Return a published figure, or its range, as text."""
     if figure.low == figure.high:
         return _number(figure.low, figure)
     return f"{_number(figure.low, figure)} to {_number(figure.high, figure)}"
 
 
 def _number(amount: float, figure: Published) -> str:
+    """Return an amount in the way in which this figure is written."""
     if figure.is_share:
         return f"{amount:.1f} %"
     if figure.high >= 1000.0:
@@ -337,6 +218,7 @@ def _number(amount: float, figure: Published) -> str:
 
 def agrees(here: float, figure: Published) -> bool:
     """Whether ours lies in the published range, or near enough to it."""
+    # How far it lies outside the range; 0 within it.
     beyond = max(figure.low - here, here - figure.high, 0.0)
     if figure.is_share:
         return beyond < NEAR
@@ -345,12 +227,14 @@ def agrees(here: float, figure: Published) -> bool:
 
 
 def _lines_of_curves() -> Iterator[Line]:
+    """Yield the lines of the strawberries."""
     for finding in FINDINGS:
         for point in finding.points:
             yield _line(point)
 
 
 def _line(point: Point) -> Line:
+    """Return the line of a figure of the strawberries."""
     here = value(point.curve, point.carriers, point.quantity)
     agrees = abs(here - point.published) < NEAR
     sign = "" if point.quantity == "efficiency" else "+"
@@ -374,12 +258,13 @@ def _line(point: Point) -> Line:
 
 
 def _first_near_the_best(curve: Curve) -> int:
-    """The fewest carriers that are within 2 % of the best efficiency."""
+    """Return the fewest carriers that are within 2 % of the best efficiency."""
     rates = {carriers: _measured()[*curve, carriers] for carriers in COUNTS}
     return min(carriers for carriers, rate in rates.items() if rate >= 0.98 * max(rates.values()))
 
 
 def _section(finding: Finding) -> str:
+    """Return the paragraph and the picture of a publication."""
     return (
         f"{fill(finding.text, 140)}\n\n![{QUANTITIES[finding.quantity][1]}, by the number of"
         f" carriers](validation-{finding.name}.svg)"
@@ -392,6 +277,7 @@ def pictures() -> dict[str, str]:
 
 
 def _picture(finding: Finding) -> str:
+    """Return the picture of a publication as SVG: our curves, and its figures as circles."""
     drawing = Figure(figsize=(7.0, 3.2), layout="constrained")
     axes = drawing.subplots()
     for curve, colour in zip(finding.curves, ("#2f66a8", "#3f8f4a"), strict=False):
@@ -408,9 +294,14 @@ def _picture(finding: Finding) -> str:
             for point in finding.points
             if (point.curve, point.quantity) == (curve, finding.quantity)
         ]
-        at, published = [point.carriers for point in shown], [point.published for point in shown]
         axes.plot(
-            at, published, "o", color=colour, fillstyle="none", markersize=10, label="published"
+            [point.carriers for point in shown],
+            [point.published for point in shown],
+            "o",
+            color=colour,
+            fillstyle="none",
+            markersize=10,
+            label="published",
         )
     axes.set_xlabel(f"carriers for {PICKERS} pickers")
     axes.set_ylabel(QUANTITIES[finding.quantity][1], fontsize=8)

@@ -41,9 +41,11 @@ MEASURES = {
     "double_classes": "a class has the name of another one",
     "long_test_names": "the name of a test has more than sixty characters",
 }
+# Names that say nothing of a value.
 VAGUE = frozenset(
     ["one", "two", "other", "told", "said", "given", "found", "made", "what", "which", "way"]
 )
+# Words with which a comment behind code may begin, because they are the unit of a number.
 UNITS = frozenset(
     [
         "m",
@@ -64,12 +66,15 @@ UNITS = frozenset(
         "hz",
     ]
 )
+# Comments for tools, which are not for readers.
 DIRECTIVES = ("noqa", "type:", "fmt:", "mypy:", "pragma:")
-MOST_POSITIONAL = 5
-LONGEST_LAMBDA = 40
-LONGEST_TEST_NAME = 60
-MOST_DOTS = 3
+MOST_POSITIONAL = 5  # values without names in a call
+LONGEST_LAMBDA = 40  # characters
+LONGEST_TEST_NAME = 60  # characters
+MOST_DOTS = 3  # in a chain of names
 LONGEST_COORDINATE = 2  # characters of names such as x, y, dx
+# A rate may have last bits beyond its limit.
+ROUNDING = 1e-9
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 Comprehension = ast.ListComp | ast.SetComp | ast.DictComp | ast.GeneratorExp
@@ -89,13 +94,15 @@ class Area:
 
 
 class Reader(ast.NodeVisitor):
-    """Yields what it finds in one file to an area."""
+    """Adds what it finds in one file to an area."""
 
     def __init__(self, path: Path, area: Area) -> None:
         self._path = path
         self._area = area
+        # Bytes, because the columns of Python's syntax tree count bytes.
         self._lines: list[bytes] = []
-        self.classes: list[tuple[str, str]] = []  # name, place
+        # Name and place of each class.
+        self.classes: list[tuple[str, str]] = []
 
     def read(self) -> None:
         """Read the file. Raises SyntaxError if it is no Python."""
@@ -206,6 +213,7 @@ class Reader(ast.NodeVisitor):
         super().generic_visit(node)
 
     def _has_parentheses(self, node: ast.expr) -> bool:
+        """Whether parentheses stand around an expression in the source."""
         assert node.end_lineno is not None
         before = self._lines[node.lineno - 1][: node.col_offset].rstrip()
         after = self._lines[node.end_lineno - 1][node.end_col_offset :].lstrip()
@@ -268,7 +276,7 @@ def measured(name: str, files: Sequence[Path]) -> Area:
 
 def rounded_up(rate: float) -> float:
     """Return a limit that a rate just keeps, with one digit."""
-    return math.ceil(rate * 10.0 - 1e-9) / 10.0
+    return math.ceil(rate * 10.0 - ROUNDING) / 10.0
 
 
 def main() -> int:
@@ -308,6 +316,7 @@ def name_places(measure: str, paths: Sequence[Path]) -> int:
 
 def as_toml(text: str, limits: dict[str, dict[str, dict[str, float]]]) -> str:
     """Return the text of the limits' file with other figures. Comments and order stay."""
+    # The area whose part of the file the lines are in.
     table = ""
     lines = []
     for line in text.splitlines():

@@ -1,10 +1,10 @@
 """Asks the package registry for known vulnerabilities of packages, by pip-audit.
 
-Fails if it names one.
+    python .ci/vulnerabilities.py PIP-AUDIT FILE      FILE has lines of name==version
 
-An answer counts only if the registry also reports what a vulnerable package has: pip-audit finds
-"No known vulnerabilities" too where the registry answers nothing. Else it says "NOT CHECKED", and
-fails nothing. Arguments: the program pip-audit; a file of `name==version` lines.
+Fails if the registry names one. pip-audit finds "No known vulnerabilities" also where the registry
+answers nothing. So a package with a known vulnerability is asked for first: if the registry reports
+none of it, this says "NOT CHECKED", and fails nothing.
 """
 
 import json
@@ -18,8 +18,8 @@ HARMLESS: dict[str, str] = {}  # vulnerabilities that do us no harm -> why
 
 
 def ask(audit: str, packages: str) -> tuple[dict[str, list[str]], dict[str, str]]:
-    """Return the vulnerabilities of each package that was checked, and for each other one why it
-    was not.
+    """Return the vulnerabilities of each package that was checked, and for each other package why
+    it was not.
     """
     with NamedTemporaryFile("w", suffix=".txt") as file:
         file.write(packages)
@@ -34,39 +34,40 @@ def ask(audit: str, packages: str) -> tuple[dict[str, list[str]], dict[str, str]
             "--requirement",
             file.name,
         ]
-        said = subprocess.run([audit, *options], capture_output=True, text=True, check=False)
+        process = subprocess.run([audit, *options], capture_output=True, text=True, check=False)
     try:
-        answers = json.loads(said.stdout)["dependencies"]
+        answers = json.loads(process.stdout)["dependencies"]
     except json.JSONDecodeError:
-        return {}, {"any package": (said.stderr.splitlines() or ["pip-audit said nothing"])[-1]}
-    found = {
-        answer["name"]: [vulnerability["id"] for vulnerability in answer["vulns"]]
-        for answer in answers
-        if "vulns" in answer
-    }
-    return found, {
-        answer["name"]: answer["skip_reason"] for answer in answers if "skip_reason" in answer
-    }
+        *_, why = ["pip-audit said nothing", *process.stderr.splitlines()]
+        return {}, {"any package": why}
+    checked = {}
+    unchecked = {}
+    for answer in answers:
+        if "vulns" in answer:
+            checked[answer["name"]] = [vulnerability["id"] for vulnerability in answer["vulns"]]
+        if "skip_reason" in answer:
+            unchecked[answer["name"]] = answer["skip_reason"]
+    return checked, unchecked
 
 
 def main(audit: str, file: str) -> int:
     """Print what is known, and return the exit code."""
     known, unchecked = ask(audit, VULNERABLE)
     if not any(known.values()):
-        why = next(iter(unchecked.values()), "it knows of none")
+        *_, why = ["it knows of none", *unchecked.values()]
         print(
             f"vulnerabilities: NOT CHECKED, for the registry reports none of {VULNERABLE}, which"
             f" has some: {why}"
         )
         return 0
-    found, unchecked = ask(audit, Path(file).read_text())
-    harmful = {
-        name: ids
-        for name, all_ids in found.items()
-        if (ids := [each for each in all_ids if each not in HARMLESS])
-    }
+    checked, unchecked = ask(audit, Path(file).read_text())
+    harmful = {}
+    for name, all_ids in checked.items():
+        ids = [each for each in all_ids if each not in HARMLESS]
+        if ids:
+            harmful[name] = ids
     print(
-        f"vulnerabilities: known of {len(harmful)} of the {len(found)} packages that were checked"
+        f"vulnerabilities: known of {len(harmful)} of the {len(checked)} packages that were checked"
     )
     for name, ids in harmful.items():
         print(

@@ -2,6 +2,7 @@
 rosbags. Both must find the same.
 """
 
+import math
 import os
 import re
 import shlex
@@ -15,19 +16,21 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
+# The command `orchard`; `.ci/ecosystem` names that of the clone.
 ORCHARD = shlex.split(os.environ.get("ORCHARD", "orchard"))
-SECONDS = 300
+SECONDS = 300  # that a command may take
+# The run of docs/ros2.md: its robots, and its ticks, of 0.1 s.
 ROBOTS = ("carrier_01", "picker_01", "picker_02", "tractor_01")
-TICKS = 600  # of the run of docs/ros2.md
+TICKS = 600
+TICK_NANOSECONDS = 10**8
+SCAN_TICKS = 5  # from a recorded scan to the next one
 PAGE = (Path(__file__).parents[2] / "docs" / "ros2.md").read_text()
-BLOCKS = {
-    name: text
-    for name, text in re.findall(r"^```(?:python|sh) (\S+)\n(.*?)^```$", PAGE, re.M | re.S)
-}
+# The blocks of code of the page, by their names.
+BLOCKS = dict(re.findall(r"^```(?:python|sh) (\S+)\n(.*?)^```$", PAGE, re.M | re.S))
 
 
 def orchard(block: str, folder: Path) -> list[str]:
-    """What the commands of a block of the page print."""
+    """Do the commands of a block of the page, and return what each has printed."""
     printed = []
     for line in BLOCKS[block].splitlines():
         _, *words = shlex.split(line)
@@ -40,11 +43,13 @@ def orchard(block: str, folder: Path) -> list[str]:
 
 
 def hash_in(printed: str) -> str:
+    """Return the hash of a run."""
     return re.findall(r"^hash ([0-9a-f]{64})$", printed, re.M)[0]
 
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The bag that the page makes of a run, in a folder in which the run's hash is kept too."""
     folder = tmp_path_factory.mktemp("bag")
     recorded, _ = orchard("bag", folder)
     (folder / "hash").write_text(hash_in(recorded))
@@ -52,33 +57,34 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def read_by_foxglove(bag: Path) -> dict[str, list]:
-    """Topic -> [(nanoseconds, message)]."""
-    found: dict[str, list] = {}
+    """Return the messages of each topic, in order: (time in ns, message)."""
+    by_topic: dict[str, list] = {}
     with bag.open("rb") as file:
-        for _, channel, message, decoded in make_reader(
-            file, decoder_factories=[DecoderFactory()]
-        ).iter_decoded_messages():
-            found.setdefault(channel.topic, []).append((message.log_time, decoded))
-    return found
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for _, channel, message, decoded in reader.iter_decoded_messages():
+            by_topic.setdefault(channel.topic, []).append((message.log_time, decoded))
+    return by_topic
 
 
 def read_by_rosbags(bag: Path) -> dict[str, list]:
-    """Topic -> [(nanoseconds, message)]."""
-    found: dict[str, list] = {}
+    """Return the messages of each topic, in order: (time in ns, message)."""
+    by_topic: dict[str, list] = {}
     with AnyReader([bag]) as reader:
         for connection, stamp, data in reader.messages():
-            found.setdefault(connection.topic, []).append(
-                (stamp, reader.deserialize(data, connection.msgtype))
-            )
-    return found
+            message = reader.deserialize(data, connection.msgtype)
+            by_topic.setdefault(connection.topic, []).append((stamp, message))
+    return by_topic
 
 
-def numbers(message: object) -> tuple:
-    """All that is in an odometry."""
-    pose, twist = message.pose.pose, message.twist.twist
-    place = (pose.position.x, pose.position.y, pose.orientation.z, pose.orientation.w)
+def values_in(message: object) -> tuple:
+    """Return all that is in an odometry. The messages of two readers are of different types."""
+    pose = message.pose.pose
+    twist = message.twist.twist
     return (
-        *place,
+        pose.position.x,
+        pose.position.y,
+        pose.orientation.z,
+        pose.orientation.w,
         twist.linear.x,
         twist.linear.y,
         twist.angular.z,
@@ -87,10 +93,17 @@ def numbers(message: object) -> tuple:
     )
 
 
+def place_of(message: object) -> tuple[float, float]:
+    """Return x and y of an odometry, m."""
+    position = message.pose.pose.position
+    return position.x, position.y
+
+
 def test_the_program_of_the_page_reads_the_bag(bag: Path) -> None:
     program = [sys.executable, "-W", "error", "-c", BLOCKS["bag-reader"]]
     done = subprocess.run(program, cwd=bag.parent, capture_output=True, text=True, timeout=SECONDS)
     assert done.returncode == 0, done.stderr
+    # It prints the time of the last message, in s, and what is in it.
     assert done.stdout.startswith(f"{TICKS / 10} ")
 
 
@@ -100,35 +113,39 @@ def test_a_bag_drives_its_robots_to_the_same_hash_in_lockstep(bag: Path) -> None
 
 
 def test_both_readers_find_the_same(bag: Path) -> None:
-    foxglove, rosbags = read_by_foxglove(bag), read_by_rosbags(bag)
-    assert {topic: len(found) for topic, found in foxglove.items()} == {
-        topic: len(found) for topic, found in rosbags.items()
-    }
+    """They find as many messages on the same topics, and the same odometry."""
+    foxglove = read_by_foxglove(bag)
+    rosbags = read_by_rosbags(bag)
+    assert foxglove.keys() == rosbags.keys()
+    for topic, messages in foxglove.items():
+        assert len(messages) == len(rosbags[topic]), topic
     for name in ROBOTS:
-        one, other = foxglove[f"/{name}/odom"], rosbags[f"/{name}/odom"]
-        assert [(time, numbers(message)) for time, message in one] == [
-            (time, numbers(message)) for time, message in other
-        ]
+        topic = f"/{name}/odom"
+        for (time, message), (other_time, other) in zip(
+            foxglove[topic], rosbags[topic], strict=True
+        ):
+            assert (time, values_in(message)) == (other_time, values_in(other))
 
 
 def test_a_robot_is_where_its_velocities_lead_it(bag: Path) -> None:
     """From the message alone, as a stranger reads it: the pose moves by the velocity in the
     message, in its own frame.
     """
-    found = read_by_foxglove(bag)
-    assert [time for time, _ in found["/clock"]] == [tick * 10**8 for tick in range(TICKS + 1)]
+    by_topic = read_by_foxglove(bag)
+    times = [time for time, _ in by_topic["/clock"]]
+    assert times == [tick * TICK_NANOSECONDS for tick in range(TICKS + 1)]
     for name in ROBOTS:
-        poses = [(message.pose.pose, message.twist.twist) for _, message in found[f"/{name}/odom"]]
-        assert len(poses) == TICKS + 1
-        for (before, _), (after, twist) in pairwise(poses):
-            step = (
-                (after.position.x - before.position.x) ** 2
-                + (after.position.y - before.position.y) ** 2
-            ) ** 0.5
-            assert step == pytest.approx(abs(twist.linear.x) * 0.1, abs=1e-3)
-        assert len(found[f"/{name}/cmd_vel"]) == TICKS
-        assert len(found[f"/{name}/scan"]) == TICKS // 5
-    assert any(message.twist.linear.x > 0.0 for _, message in found["/picker_01/cmd_vel"])
+        odometry = [message for _, message in by_topic[f"/{name}/odom"]]
+        assert len(odometry) == TICKS + 1
+        for before, after in pairwise(odometry):
+            step = math.dist(place_of(before), place_of(after))
+            # A step takes 0.1 s. Recorded poses are float32.
+            speed = abs(after.twist.twist.linear.x)
+            assert step == pytest.approx(speed * 0.1, abs=1e-3)
+        assert len(by_topic[f"/{name}/cmd_vel"]) == TICKS
+        assert len(by_topic[f"/{name}/scan"]) == TICKS // SCAN_TICKS
+    velocities = [message.twist for _, message in by_topic["/picker_01/cmd_vel"]]
+    assert any(velocity.linear.x > 0.0 for velocity in velocities), "the picker drives"
 
 
 def test_a_bag_is_compressed(bag: Path) -> None:

@@ -14,13 +14,13 @@ import pandas as pd
 import polars as pl
 import pytest
 
+# The command `orchard`; `.ci/ecosystem` names that of the clone.
 ORCHARD = shlex.split(os.environ.get("ORCHARD", "orchard"))
-SECONDS = 300
+SECONDS = 300  # that a command may take
+TICK_SECONDS = 0.1
 PAGE = (Path(__file__).parents[2] / "docs" / "how-to.md").read_text()
-BLOCKS = {
-    name: text
-    for name, text in re.findall(r"^```(?:python|sh) (\S+)\n(.*?)^```$", PAGE, re.M | re.S)
-}
+# The blocks of code of the page, by their names, and those of them that are programs on tables.
+BLOCKS = dict(re.findall(r"^```(?:python|sh) (\S+)\n(.*?)^```$", PAGE, re.M | re.S))
 PROGRAMS = ("units", "waiting")
 
 
@@ -41,6 +41,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def summary_in(folder: Path) -> dict:
+    """Return the summary of the run."""
+    return json.loads((folder / "summary.json").read_text())
+
+
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_the_programs_of_the_page_run(folder: Path, name: str) -> None:
     done = subprocess.run(
@@ -56,15 +61,16 @@ def test_the_programs_of_the_page_run(folder: Path, name: str) -> None:
 
 
 def test_pandas_finds_what_the_summary_says(folder: Path) -> None:
-    bodies, summary = (
-        pd.read_parquet(folder / "tables" / "bodies.parquet"),
-        json.loads((folder / "summary.json").read_text()),
-    )
+    """The table of bodies has a row for each body and tick, from which these figures follow."""
+    bodies = pd.read_parquet(folder / "tables" / "bodies.parquet")
+    summary = summary_in(folder)
     assert len(bodies) == summary["ticks"] * summary["agents"]
     kinds = bodies["name"].str.rsplit("_", n=1).str[0]
     for kind, states in summary["state_seconds"].items():
-        assert (bodies[kinds == kind].groupby("state").size() * 0.1).round(1).to_dict() == states
-    driven = (bodies[["linear_x", "linear_y"]] ** 2).sum(axis=1) ** 0.5 * 0.1
+        seconds = bodies[kinds == kind].groupby("state").size() * TICK_SECONDS
+        assert seconds.round(1).to_dict() == states
+    speeds = (bodies[["linear_x", "linear_y"]] ** 2).sum(axis=1) ** 0.5
+    driven = speeds * TICK_SECONDS
     assert driven.groupby(kinds).sum()["carrier"] == pytest.approx(
         summary["distance_metres"]["carrier"], rel=1e-3
     )
@@ -74,24 +80,20 @@ def test_pandas_finds_what_the_summary_says(folder: Path) -> None:
 
 
 def test_polars_reads_a_folder_of_files_as_one_table(folder: Path) -> None:
-    bodies, summary = (
-        pl.read_parquet(folder / "tables" / "bodies.parquet"),
-        json.loads((folder / "summary.json").read_text()),
-    )
+    bodies = pl.read_parquet(folder / "tables" / "bodies.parquet")
+    summary = summary_in(folder)
     assert len(bodies) == summary["ticks"] * summary["agents"]
     assert bodies["tick"].is_sorted()
 
 
 def test_polars_reads_the_summary(folder: Path) -> None:
-    table, summary = (
-        pl.read_parquet(folder / "tables" / "summary.parquet"),
-        json.loads((folder / "summary.json").read_text()),
-    )
+    """It is a table of one row, with a dotted name for each figure."""
+    table = pl.read_parquet(folder / "tables" / "summary.parquet")
+    summary = summary_in(folder)
     assert len(table) == 1
     (row,) = table.to_dicts()
-    assert (
-        row["hash"] == summary["hash"]
-        and row["state_seconds.picker.picking"] == summary["state_seconds"]["picker"]["picking"]
-    )
+    assert row["hash"] == summary["hash"]
+    picking = summary["state_seconds"]["picker"]["picking"]
+    assert row["state_seconds.picker.picking"] == picking
     assert json.loads(row["scenario"]) == summary["scenario"]
     assert row["history.seconds"] == summary["history"]["seconds"]

@@ -16,7 +16,10 @@ EMPTY = ("state", "simulation_state", "scenario", "layout")
 
 
 def would_be_accepted(what: str, payload: bytes) -> bool:
-    """Whether a receiver of this run could take a payload for a message of a kind."""
+    """Whether a receiver of this run could take a payload for a message of a kind.
+
+    `what`: the kind, a key of `orchard.wire.keys.TABLE`.
+    """
     if what in EMPTY and not payload:
         return True
     # The good parts of a sender count, even if its other parts are malformed.
@@ -48,5 +51,8 @@ def bad_messages(messages, what: str, count: int, seed: int) -> Iterator[tuple[s
         for original in (payload, rewritten(payload, run=RUN))
     ]
     candidates = ((key, next(payloads)) for key, payloads in itertools.cycle(endless))
-    no_messages = (one for one in candidates if not would_be_accepted(what, one[1]))
-    return itertools.islice(no_messages, count)
+    # Some mutants are still good messages, such as one in which only an id has changed.
+    refused = (
+        (key, payload) for key, payload in candidates if not would_be_accepted(what, payload)
+    )
+    return itertools.islice(refused, count)

@@ -7,17 +7,18 @@ from orchard.local import Local
 from orchard.sim.frames import FrameBuilder
 from orchard.view.recorder import Recorder
 
-# The ticks of a recording.
+# How many ticks a recording has: 4 s.
 TICKS = 40
 
 
 def record(file, ticks=range(1, TICKS + 1), gap=None):
-    """Record some ticks of a run. Return pose, twist and wanted velocities of each tick.
+    """Record some ticks of a run of the small orchard into a file.
 
-    `gap`: the arguments of `Recorder.gap`, for a gap before them.
+    `gap`: the arguments of `Recorder.gap`, if the recording begins with ticks that were lost.
+    Return tick -> (pose, twist, wanted velocities), each an array (bodies, 3) as in `World`.
     """
     local = Local(SMALL)
-    recorder = Recorder(lay_out(SMALL), "one", file)
+    recorder = Recorder(lay_out(SMALL), "a run", file)
     frames = FrameBuilder(local.engine)
     recorded = {}
     if gap is not None:

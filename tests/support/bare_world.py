@@ -28,6 +28,8 @@ TURN_LEFT = Twist(yaw=math.pi / 8)
 
 @dataclass
 class Yard:
+    """A world whose bodies a test drives, and the events that happened in it."""
+
     world: World
     events: list = field(default_factory=list)
 
@@ -49,24 +51,29 @@ class Yard:
         return events
 
     def do(self, name: str, deed: Deed) -> list:
+        """Let a robot do a deed, such as coupling a bin, in one tick in which all bodies stand."""
         return self.drive(deeds=[(name, deed)])
 
     def pose(self, name: str) -> Pose:
         return Pose(*self.world.pose[self.world.index[name]].tolist())
 
     def put(self, name: str, *pose: float) -> None:
+        """Set the pose of a body: x and y, m, and yaw, rad."""
         self.world.pose[self.world.index[name]] = pose
 
     def couple(self, robot: str, bin_: str) -> None:
+        """Couple a bin to a robot, wherever both stand."""
         i, j = self.world.index[robot], self.world.index[bin_]
         self.world.coupled[i] = j
         self.world.coupled[j] = i
 
     def coupled(self, name: str) -> str:
+        """Return what is coupled to a body, "" if nothing is."""
         other = int(self.world.coupled[self.world.index[name]])
         return "" if other == NONE else self.world.layout.names[other]
 
     def of(self, array: str, name: str):
+        """Return the value of a body in an array of the world, such as `fill`."""
         return getattr(self.world, array)[self.world.index[name]]
 
     def happened(self, what: str) -> list:
@@ -75,6 +82,7 @@ class Yard:
 
 
 def yard(*bodies, **kwargs) -> Yard:
+    """Return a yard with just these bodies; the arguments are those of `raycaster.world_of`."""
     return Yard(world_of(*bodies, **kwargs))
 
 

@@ -1,4 +1,9 @@
-"""The bus over Zenoh and over the simulated network, for scripts that run over both."""
+"""The bus over Zenoh and over the simulated network of chaos/simulated, for scripts over both.
+
+A script is a function of a test. It gets a network, opens sessions on it, and lets them publish,
+ask and lose their links. It must see the same on both networks: so the simulated network, by which
+random faults are tested, behaves as Zenoh does.
+"""
 
 import itertools
 from contextlib import ExitStack
@@ -41,12 +46,15 @@ class OverZenoh:
         return self._stack.enter_context(client(self._relay.endpoint))
 
     def start_router(self):
+        """Start a router at the same address, after the first one was closed."""
         self._stack.enter_context(router(self.router.endpoint))
 
     def close(self, bus) -> None:
+        """End a session without a word, as when its process is killed."""
         bus._session.close()
 
     def cut(self) -> None:
+        """Break all links. Zenoh connects again by itself, through the relay."""
         self._relay.cut()
 
     def damage(self, sent: bytes, arrived: bytes) -> None:
@@ -54,6 +62,7 @@ class OverZenoh:
         self._relay.damage(Change(sent, arrived))
 
     def heal(self) -> None:
+        """Let all bytes arrive as they are sent again."""
         self._relay.heal()
 
     def break_within(self, bus, key: str, payload: bytes, where: bytes) -> None:
@@ -110,10 +119,12 @@ class Simulated:
         self._tear_by(None)
 
     def _tear_by(self, tearer) -> None:
+        """Let a tearer change what passes the links; None: nothing does."""
         for link in self._network.router.links.values():
             link.tearer = tearer
 
     def break_within(self, bus, key: str, payload: bytes, where: bytes) -> None:
+        """Publish a payload, and let all links break: it is still on its way, for links delay."""
         bus.publish(key, payload)
         self.cut()
 
@@ -188,11 +199,13 @@ def wait_until(bus, condition) -> None:
 def ask_one(net, key="a", seconds=LONG):
     """Let one session ask another. Return the asker, the answerer and the query, not yet answered.
 
+    `key`: on which it asks; the answerer answers on "a". `seconds`: for how long the asker waits.
     The query's ticket is 1.
     """
     asker = net.client()
     answerer = net.client()
     answerer.answer("a")
+    # Until the router knows that the answerer answers, it would find none.
     asker.sleep(SHORT)
     asker.ask(key, b"", 1, seconds)
     (query,) = received(answerer, 1, Query)

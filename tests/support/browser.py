@@ -51,7 +51,10 @@ def open_browser(
 
 
 def fresh(look: Callable[..., Any]) -> Callable[..., Any]:
-    """Look again when the page has drawn itself anew between finding a thing and reading it."""
+    """Look again when the page has drawn itself anew between finding a thing and reading it.
+
+    After 20 looks in vain the error of the next one is raised.
+    """
 
     @wraps(look)
     def again(*arguments: Any) -> Any:
@@ -66,6 +69,12 @@ def fresh(look: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class Browser:
+    """The page in a browser, with what a user does there.
+
+    The page marks its elements for tests: a field of the form by its path in the scenario
+    (data-field), a part of the page by its name (data-view), a button by its action (data-action).
+    """
+
     def __init__(self, driver: webdriver.Chrome) -> None:
         self.driver = driver
 
@@ -136,6 +145,7 @@ class Browser:
         fields = {"rows": "5", "pickers": "2", "seed": "1", "weeds": "10"}
         look = "return arguments[0].map(it => document.querySelector(`[data-field=${it}]`)?.value)"
         is_right = not self.driver.find_elements(By.CSS_SELECTOR, ".field.wrong")
+        # Of the 5 rows of the default orchard each has a line of trees on either side.
         return (
             is_right
             and self.tree_lines() == 6
@@ -152,7 +162,7 @@ class Browser:
     def unfold(self, view: str) -> None:
         """Open a part of the page that may be folded away."""
         button = f"[data-view={view}] [role=button][aria-expanded]"
-        # Not under the bar on top.
+        # To the middle: at the top edge the bar of the page would cover the button.
         look = "arguments[0].scrollIntoView({block: 'center'})"
         if self.one(button).get_attribute("aria-expanded") == "false":
             self.driver.execute_script(look, self.one(button))
@@ -233,12 +243,14 @@ class Browser:
         self.choose("stage", view)
 
     def unchoose_runs(self) -> None:
+        """Take the choice of all runs back."""
         self.wait_until(lambda: not self._unchoose(), "no run is chosen")
 
     def _unchoose(self) -> list[WebElement]:
+        """Take the choice of one run back. Return the runs that were chosen before."""
         chosen = self.driver.find_elements(By.CSS_SELECTOR, "[data-view=runs] [aria-checked=true]")
         for run in chosen[:1]:
-            # Not under the bar on top.
+            # To the middle: at the top edge the bar of the page would cover it.
             self.driver.execute_script("arguments[0].scrollIntoView({block: 'center'})", run)
             self._pressed(run)
         return chosen
@@ -284,7 +296,8 @@ class Browser:
     def tree_lines(self) -> int:
         """Return the number of lines of trees in the plan.
 
-        It counts the heights at which trees are drawn.
+        In the default orchard a line of trees is drawn as green rectangles of this size. It counts
+        the heights at which they stand.
         """
         trees = "[data-view=plan] rect[width='66.0'][height='12.0'][style^='fill:#7fae5d']"
         look = (

@@ -8,7 +8,7 @@ from orchard.commands.main import app
 
 
 class Called(NamedTuple):
-    """What a command has given."""
+    """The exit code of a command, and what it has printed."""
 
     exit_code: int
     stdout: str
@@ -16,7 +16,7 @@ class Called(NamedTuple):
 
 
 def called(*words: object) -> Called:
-    """Run a command, and return what it gives."""
+    """Run `orchard` with these words. Return its exit code, and what it has printed."""
     with redirect_stdout(io.StringIO()) as stdout, redirect_stderr(io.StringIO()) as stderr:
         try:
             app(list(map(str, words)))

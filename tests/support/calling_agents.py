@@ -1,8 +1,8 @@
 """Agents for tests of the transport: they call each other often, and drive by what they heard.
 
-Some are slow, some fail.
-
-Each function makes the agents for `python -m orchard.processes.agents --agents calling_agents:...`.
+So a letter that is lost, doubled or late changes the hash of the run. Some agents are slow, and
+some fail. `cast`, `slow`, `broken` and `steady` make the agents of a host:
+`python -m orchard.processes.agents --agents calling_agents:cast`.
 """
 
 import hashlib
@@ -19,7 +19,7 @@ from orchard.net import zenoh_bus
 
 
 class Counted(msgspec.Struct):
-    """The memory of a caller."""
+    """The memory of a caller: how many requests it heard, and how many of its own were answered."""
 
     heard: int = 0
     replies: int = 0
@@ -44,6 +44,7 @@ class Caller:
         answers = [
             (heard, state) for heard in mail.requests if self._draw(heard.sender, seen.tick) % 3
         ]
+        # Each count sets a part of the velocity. It is small, so the bodies stay in the orchard.
         friends = [self.names[self._draw(f"to {i}", seen.tick) % len(self.names)] for i in range(2)]
         requests = [(name, StateRequest()) for name in friends]
         twist = Twist(
@@ -61,6 +62,7 @@ class Caller:
         )
 
     def _draw(self, what: str, tick: int) -> int:
+        """Return a number from 0 to 2**32 - 1 that follows from the agent, a word and the tick."""
         return int.from_bytes(
             hashlib.blake2b(f"{self.name} {what} {tick}".encode(), digest_size=4).digest()
         )
@@ -73,6 +75,8 @@ def cast(layout: Layout, names: object = None) -> dict[str, Caller]:
 
 
 class Slow:
+    """An agent that thinks for up to so many seconds of wall time before it acts as another one."""
+
     def __init__(self, agent, seconds: float) -> None:
         self._agent = agent
         self._seconds = seconds
@@ -91,6 +95,8 @@ def slow(layout: Layout, names: object = None) -> dict[str, Slow]:
 
 
 def _slowly(function):
+    """Return a function that pauses in three of ten calls, for up to 1 ms, and does the same."""
+
     def slow_function(*arguments):
         if random.random() < 0.3:
             time.sleep(random.random() * 1e-3)
@@ -100,6 +106,8 @@ def _slowly(function):
 
 
 class Broken:
+    """An agent that raises an error at each tick."""
+
     Memory = dict
 
     def tick(self, seen: Observation, mail: Mail, memory: object) -> Action:

@@ -1,5 +1,8 @@
-"""Dispatch policies that try to know, or to be, more than a policy of the benchmark may. Each that
-finds something tells so by raising it.
+"""Dispatch policies that try to know, or to do, more than a policy of the benchmark may.
+
+tests/study/benchmark runs each of them as `orchard benchmark` runs a policy of a user: in a process
+of its own, with less rights. A policy that finds something raises `Found` with it, so the test
+sees what it has found in the message of its error.
 """
 
 import ctypes
@@ -40,37 +43,51 @@ class Honest:
 
 
 class SeedReader(Honest):
+    """Reads the seed of the harvest: from it follows all that is drawn."""
+
     def __init__(self, layout):
         raise Found(layout.scenario.seed)
 
 
 class SeedReaderWithDefault(Honest):
+    """Reads the seed, and takes its absence for None."""
+
     def __init__(self, layout):
         raise Found(getattr(layout.scenario, "seed", None))
 
 
 class FailureReader(Honest):
+    """Reads how often carriers fail."""
+
     def assign(self, now, bins, carriers, memory):
         raise Found(self.layout.scenario.carrying.failure)
 
 
 class SpeedReader(Honest):
+    """Reads the drawn picking speed of each row."""
+
     def assign(self, now, bins, carriers, memory):
         raise Found(sorted({lane.picking_speed for lane in self.layout.lanes}))
 
 
 class GuestReader(Honest):
+    """Reads which kinds of bodies there are, people and animals among them."""
+
     def assign(self, now, bins, carriers, memory):
         raise Found(sorted({start.kind for start in self.layout.starts}))
 
 
 class DumpReader(Honest):
+    """Reads what is hidden from the scenario as a map."""
+
     def __init__(self, layout):
         dump = layout.scenario.model_dump()
         raise Found(dump["seed"], dump["picking"]["spread"], dump["people"])
 
 
 class StackClimber(Honest):
+    """Looks for the harvest among the local variables of the functions that called it."""
+
     def assign(self, now, bins, carriers, memory):
         names = []
         frame = sys._getframe()
@@ -81,6 +98,8 @@ class StackClimber(Honest):
 
 
 class Collector(Honest):
+    """Looks for the harvest, and for seeds, among all objects of its process."""
+
     def assign(self, now, bins, carriers, memory):
         objects = gc.get_objects()
         kinds = {type(found).__name__ for found in objects}
@@ -144,7 +163,10 @@ class MemoryReader(Honest):
 
 
 def _pid_of_benchmark():
-    """The process above the one that forked this one."""
+    """Return the id of the process above the one that forked this one.
+
+    The process of a policy is forked by a small one, which the benchmark has started.
+    """
     status = Path(f"/proc/{os.getppid()}/status").read_text().split()
     return int(status[status.index("PPid:") + 1])
 
@@ -183,7 +205,10 @@ class SecretReader(Honest):
 
 
 class ArgumentReader(Honest):
+    """Looks for words about the orchard in its command line and environment."""
+
     def assign(self, now, bins, carriers, memory):
+        # A policy has the first ones by right; the others say nothing about the orchard.
         wanted = ("PATH", "PYTHONPATH", "HOME", "LANG", "LC_ALL", "TMPDIR", "VIRTUAL_ENV")
         known = (*wanted, "LC_CTYPE", "LD_LIBRARY_PATH", "NUMBA_CACHE_DIR", "OMP_NUM_THREADS")
         rest = sorted(name for name in os.environ if name not in known)
@@ -191,7 +216,7 @@ class ArgumentReader(Honest):
 
 
 class Patcher(Honest):
-    """Shortens harvests, where it is."""
+    """Changes the harvest and the clock in its own process, so that harvests seem short."""
 
     def __init__(self, layout):
         super().__init__(layout)
@@ -203,24 +228,30 @@ class Patcher(Honest):
 
 
 class Sleeper(Honest):
+    """Never answers, and uses no processor time."""
+
     def assign(self, now, bins, carriers, memory):
         time.sleep(3600.0)
 
 
 class Spinner(Honest):
+    """Never answers, and uses all processor time."""
+
     def assign(self, now, bins, carriers, memory):
         while True:
             pass
 
 
 class SlowStarter(Honest):
+    """Is never done with being made."""
+
     def __init__(self, layout):
         while True:
             pass
 
 
 class Worker(Honest):
-    """Thinks for long, as if it were of use."""
+    """Uses 1.5 s of processor time for each decision."""
 
     def assign(self, now, bins, carriers, memory):
         until = time.process_time() + 1.5
@@ -230,7 +261,7 @@ class Worker(Honest):
 
 
 class Delegator(Worker):
-    """Lets a process that it forks think."""
+    """Uses the processor time of a process that it forks, not its own."""
 
     def assign(self, now, bins, carriers, memory):
         child = os.fork()
@@ -238,11 +269,12 @@ class Delegator(Worker):
             super().assign(now, bins, carriers, memory)
             os._exit(0)
         os.waitpid(child, 0)
+        # The method of `Honest`: that of `Worker` would use its own time, too.
         return super(Worker, self).assign(now, bins, carriers, memory)
 
 
 class DeafWorker(Worker):
-    """Passes the signal of its limit over."""
+    """A `Worker` that ignores the signal by which the system ends its processor time."""
 
     def __init__(self, layout):
         super().__init__(layout)
@@ -250,12 +282,17 @@ class DeafWorker(Worker):
 
 
 class LimitRaiser(Honest):
+    """Raises the limit of its processor time to 1,000 s."""
+
     def assign(self, now, bins, carriers, memory):
         resource.setrlimit(resource.RLIMIT_CPU, (1000, 1000))
 
 
 class Glutton(Honest):
-    """Asks for more memory than a policy may have: it is not written, so no machine runs out."""
+    """Asks for 5 GB, more memory than a policy may have.
+
+    It does not write to it, so the system needs none, and no machine runs out.
+    """
 
     def assign(self, now, bins, carriers, memory):
         mmap.mmap(-1, 5 * 2**30, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
@@ -279,45 +316,60 @@ class Printer(Honest):
 
 
 class NumberMaker(Honest):
+    """Answers a number in place of orders."""
+
     def assign(self, now, bins, carriers, memory):
         return float("nan")
 
 
 class OrderOfNumbers(Honest):
+    """Gives an order whose names are numbers."""
+
     def assign(self, now, bins, carriers, memory):
         return [Assignment(float("nan"), float("nan"))]
 
 
 class Unversioned(Honest):
+    """Raises an error when it is asked for its version."""
+
     @property
     def version(self):
         raise Found("no version")
 
 
 class Raiser(Honest):
+    """Raises an error at each decision."""
+
     def assign(self, now, bins, carriers, memory):
         raise Found("nothing")
 
 
 class Exiter(Honest):
+    """Ends its process, with the exit code of a process that ends well."""
+
     def assign(self, now, bins, carriers, memory):
         os._exit(0)
 
 
 class Crasher(Honest):
+    """Reads at address 0, which ends its process by a signal."""
+
     def assign(self, now, bins, carriers, memory):
         ctypes.string_at(0)
 
 
 class Inventor(Honest):
+    """Sends a carrier that does not exist."""
+
     def assign(self, now, bins, carriers, memory):
         return [Assignment(report.name, "carrier_99") for report in bins]
 
 
 class Forger(Honest):
-    """Writes to the pipes of its process, in place of an answer."""
+    """Writes an answer of two letters, with their number before them, to all pipes that it has."""
 
     def assign(self, now, bins, carriers, memory):
+        # The standard files are 0 to 2.
         for number in range(3, 64):
             try:
                 os.write(number, b"\x00\x00\x00\x02no")
@@ -342,6 +394,7 @@ def _write_answers(number):
     """Write that many empty answers to what the process knows as its pipe for answers."""
     from orchard.study.benchmark.exchange import Orders, framed
 
+    # It is a local variable of one of the functions that called the policy.
     frame = sys._getframe()
     while "answers" not in frame.f_locals:
         frame = frame.f_back

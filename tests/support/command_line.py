@@ -1,6 +1,7 @@
-"""run.py for tests, as a person uses it; what it imports is there already (`forked_processes.py`).
+"""run.py for tests, as a person uses it.
 
-The tutorial in `tests/docs` starts it as it stands.
+It is forked from a process that has imported its modules (`forked_processes.py`), so it starts
+fast. Only the test of the tutorial, in `tests/docs`, starts it as a user does.
 """
 
 import json
@@ -29,6 +30,7 @@ def orchard(
     traceback.
     """
     words = [*map(str, arguments)]
+    # In narrow terminals Rich breaks lines, and tests would not find their words.
     process = Forked(
         "run", words, os.environ | {"COLUMNS": "200", "PYTHONPATH": PATH}, forks=True, folder=folder
     )

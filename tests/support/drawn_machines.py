@@ -1,4 +1,7 @@
-"""Small quiet orchards, each with other machines, drawn at random."""
+"""Small orchards drawn at random, in which machines drive and handle bins fast or slowly.
+
+They are quiet: without people, animals, weeds and tractor.
+"""
 
 from collections.abc import Iterator
 from random import Random
@@ -36,7 +39,11 @@ def _orchard(chances: Random) -> dict[str, Any]:
 
 
 def drawn_values(chances: Random) -> dict[str, Any]:
-    """Return what says what machines can, in a scenario."""
+    """Return the sections of a scenario that say how fast machines drive, turn and handle bins.
+
+    Speeds are in m/s, turning in degrees/s, times in s. 22.5 degrees/s is the default. The first
+    value of each `handling` is both the default and the least.
+    """
     return {
         "picking": {
             "driving_speed": _often_fastest(chances, 0.5, FASTEST),

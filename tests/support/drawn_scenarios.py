@@ -1,9 +1,13 @@
-"""Any small scenario, for tests of what holds in all of them."""
+"""Small scenarios that hypothesis draws, for tests of what holds in all scenarios.
+
+The ranges hold few bodies and rows, so that a test can do many examples.
+"""
 
 from hypothesis import strategies as st
 
 from orchard.field.scenario import Animals, LaserSettings, People, Scenario
 
+# Any small scenario, with people, animals and weeds.
 SCENARIOS = st.builds(
     Scenario,
     rows=st.integers(3, 5),
@@ -21,13 +25,18 @@ SCENARIOS = st.builds(
 
 @st.composite
 def few_pickers(draw, pickings):
-    """Draw the values of an orchard of few pickers. `pickings`: sections `picking` to draw from."""
+    """Draw the values of an orchard of few pickers, as a scenario file has them.
+
+    `pickings`: the values of the section `picking` of which one is drawn.
+    """
     pickers = draw(st.integers(2, 4))
     return {
         "pickers": pickers,
+        # An orchard has three rows at least, and a row for each picker.
         "rows": draw(st.integers(max(3, pickers), 9)),
         "carriers": draw(st.integers(1, 4)),
         "picking_speed": draw(st.sampled_from([0.01, 0.05, 0.3])),
+        # None is one bin a row. With fractions the bins are full within rows, each elsewhere.
         "bins_per_row": draw(st.sampled_from([None, 0.67, 2.9, 4.05])),
         "dispatch": draw(st.sampled_from(["nearest", "predictive", "farthest-first"])),
         "route": draw(st.sampled_from(["one-way", "two-way"])),

@@ -1,11 +1,11 @@
-"""Files that belong to a user, and what a command says that would replace them."""
+"""Files that another program has written, and what a command says that would replace them."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 from command_line import orchard
 
-# What belongs to a user: one text for each kind, as near to ours as a text of others may be.
+# Name -> text. Each looks much like a file of that name that the Orchard writes, and is none.
 OTHERS = {
     "summary.json": '{\n  "hash": "of another program",\n  "name": "thesis"\n}\n',
     "table.csv": "carriers,bins\n3,11\n",
@@ -20,8 +20,10 @@ OTHERS = {
 def told_of_others(command: Sequence[object], folder: Path) -> tuple[list[str], str]:
     """Let a command write into files of a user. Return their names, and what the command says.
 
-    `command`: its words. A word with a space is an option and a name of `OTHERS`. The files stay.
+    `command`: its words. A word with a space is an option and a name of `OTHERS`, which is made
+    first: `--table table.csv`. It is asserted that the command refuses, and that the files stay.
     """
+    # Some of the commands go on from a folder of snapshots, and must find one of this name.
     (folder / "run.snapshots").mkdir()
     words: list[str] = []
     written = []

@@ -30,6 +30,8 @@ ROOT = Path(__file__).parents[2]
 
 
 class Process:
+    """A process that runs a module. It is forked; with words before its command it is started."""
+
     def __init__(self, module: str, *arguments: str, before: Sequence[str] = ()) -> None:
         """`before`: words before its command, such as those that enter a network namespace."""
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(PATHS)}
@@ -43,9 +45,11 @@ class Process:
             self._popen = Forked(module, arguments, environment)
 
     def line(self) -> str:
+        """Return the next line of stdout, "" at its end."""
         return self._line(self._popen.stdout)
 
     def error(self) -> str:
+        """Return the next line of stderr, "" at its end."""
         return self._line(self._popen.stderr)
 
     @staticmethod
@@ -97,12 +101,15 @@ class Process:
 
 
 class Fleet:
+    """The processes of one run: physics, `world`, and the hosts of agents. They end with a test."""
+
     def __init__(self, folder: Path, stack: ExitStack) -> None:
         self._folder = folder
         self._stack = stack
         self.hosts: list[Process] = []
 
     def physics(self, scenario: Scenario, *arguments: str, before: Sequence[str] = ()) -> None:
+        """Start physics. Its first line says where it listens, and the id of the run."""
         path = self._folder / "scenario.yaml"
         path.write_text(to_yaml(scenario))
         self.world = self.start("orchard.processes.physics", str(path), *arguments, before=before)
@@ -128,11 +135,12 @@ class Fleet:
         return self.hosts[-1]
 
     def share(self, hosts: int, agents: str = "orchard.behaviour.catalogue:make_agents") -> None:
+        """Start so many hosts, which share the agents."""
         for i in range(hosts):
             self.host("--share", f"{i}/{hosts}", agents=agents)
 
     def end(self, seconds: float = PATIENCE) -> str:
-        """Return the hash, once physics and all hosts have ended well."""
+        """Wait until physics and all hosts have ended well. Return the hash of the run."""
         code, out, err = self.world.end(seconds)
         assert code == 0, out + err
         for host in self.hosts:
@@ -159,6 +167,7 @@ class Fleet:
         return process
 
     def hear(self, key: str, endpoint: str, before: Sequence[str] = ()) -> queue.Queue:
+        """Start a listener, on another machine if words come before. Return what it hears."""
         process = self.start("listener", endpoint, key, before=before)
         return process.messages()
 
@@ -172,6 +181,7 @@ class AnyClient:
     ask: Callable[..., Any]
 
     def drive(self, name: str, tick: int, x: float, **message) -> None:
+        """Publish a velocity of x m/s ahead for a robot. `message`: more fields."""
         self.put(
             self.keys.of("velocity", name),
             tick=tick,
@@ -195,6 +205,8 @@ class AnyClient:
 
 
 class Client(AnyClient):
+    """A client over Zenoh, without the code of the Orchard."""
+
     def __init__(self, session: zenoh.Session, run: str) -> None:
         self.session = session
         self.run = run
@@ -210,10 +222,11 @@ class Client(AnyClient):
             yield cls(session, run)
 
     def hear(self, key: str) -> queue.Queue:
+        """Return a queue of the messages on a key, as maps."""
         messages = queue.Queue()
 
         def put(sample) -> None:
-            # Of tests that put nonsense.
+            # Some tests publish payloads that are no msgpack.
             with suppress(ValueError, msgpack.UnpackException):
                 messages.put(msgpack.unpackb(sample.payload.to_bytes()))
 
@@ -221,6 +234,7 @@ class Client(AnyClient):
         return messages
 
     def tokens(self, keys: str) -> queue.Queue:
+        """Return a queue of changes of liveliness tokens: True if one came, False if it went."""
         changes = queue.Queue()
         self.session.liveliness().declare_subscriber(
             keys, lambda sample: changes.put(sample.kind == zenoh.SampleKind.PUT), history=True

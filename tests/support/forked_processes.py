@@ -3,6 +3,10 @@ each.
 
 Each is a process of its own, with its own Zenoh session, memory and signals; only its imports are
 done already. Half of a test's processor time would be imports otherwise.
+
+The process of the tests starts one server (`server`), and asks it by a socket. A request is a map
+in JSON, with the descriptors that become the standard files of the new process. The server answers
+[id, null] when it has forked, and [id, exit code] when that process has ended. Tests use `Forked`.
 """
 
 import atexit
@@ -55,9 +59,10 @@ class Forked:
     """A process that runs a module. Its methods are those of subprocess.Popen.
 
     `leads`: it has a session of its own, with stderr in stdout, as a command that is typed.
-    `forks`: it is run.py, and what that starts, but for the logger, is forked, too. `stdin`: the
-    descriptor from which it reads; such a process is one that run.py starts, and leads its group.
-    0: that of this process. `folder`: where it runs.
+    `forks`: it is run.py, and what that starts, but for the logger, is forked, too.
+    `stdin`: the descriptor from which it reads; 0: that of this process. Only what run.py starts
+    has a descriptor of its own, and leads a group of processes.
+    `folder`: where it runs.
     """
 
     def __init__(
@@ -116,6 +121,7 @@ class Forked:
     def communicate(self, timeout: float | None = None) -> tuple[str, str]:
         if self.stdout.closed:
             raise ValueError("it was read to its end before")
+        # Both files are read at once: a process whose pipe is full would wait for its reader.
         with self.stdout, self.stderr, ThreadPoolExecutor(2) as readers:
             said = [readers.submit(file.read) for file in (self.stdout, self.stderr)]
             try:
@@ -133,9 +139,13 @@ class ServerHandle:
     """
 
     def __init__(self, own: socket.socket) -> None:
+        """`own`: this end of the socket to the server."""
         self._socket = own
+        # The id of the process that was asked for last.
         self._born: queue.Queue[int] = queue.Queue()
+        # Id of a process -> where its exit code will be put.
         self._exits: dict[int, queue.Queue[int]] = {}
+        # One thread asks at a time, so that it gets the id of its own process.
         self._lock = threading.Lock()
         threading.Thread(target=self._listen, daemon=True).start()
 
@@ -164,6 +174,7 @@ class ServerHandle:
 
 
 def linked() -> tuple[socket.socket, socket.socket]:
+    """Return both ends of a socket that keeps messages whole, and can send descriptors."""
     return socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
 
 
@@ -192,8 +203,11 @@ def server() -> ServerHandle:
 def serve(tests: socket.socket) -> dict | None:
     """Fork for each request until the tests are over.
 
-    Return the request in the forked process, and None at the end.
+    It returns twice, as `os.fork` does: in each forked process it returns the request that this is
+    to carry out, and in the server None at the end.
     """
+    # The end of a child process is a signal. Python writes a byte into this pipe for each signal,
+    # so `select` wakes for it.
     woken, wake = os.pipe()
     os.set_blocking(wake, False)
     signal.set_wakeup_fd(wake)
@@ -217,6 +231,7 @@ def serve(tests: socket.socket) -> dict | None:
 
 
 def report_ends(tests: socket.socket) -> None:
+    """Tell the tests the exit code of each child process that has ended since."""
     with suppress(ChildProcessError):
         while (ended := os.waitpid(-1, os.WNOHANG)) != (0, 0):
             tests.send(json.dumps([ended[0], os.waitstatus_to_exitcode(ended[1])]).encode())

@@ -1,6 +1,7 @@
-"""Runs without a network.
+"""Scenarios for tests of runs, and their hashes in local mode: one process, no network.
 
-Runs of many processes must have the same hashes, whatever faults occur.
+Tests compare runs of many processes with them: these must have the same hashes, whatever faults
+occur.
 """
 
 from functools import cache
@@ -20,31 +21,38 @@ SMALL = Scenario(
     weeds=1,
     tractor=False,
 )
+# No people, animals, weeds and tractor.
 ALONE = dict(
     people=People(workers=0, visitors=0), animals=Animals(dogs=0, cats=0), weeds=0, tractor=False
 )
 # A harvest of 7 minutes.
 SHORT = Scenario(rows=3, carriers=1, row_length=30.0, **ALONE)
-# The agents of the small scenario.
+# How many agents SMALL has: 2 pickers, 1 carrier, 3 bins, 1 worker, 1 weed, 2 desks.
 AGENTS = 10
-# Ticks of most runs of it: 12 s, in which robots drive, and pickers pick.
+# How long most runs of SMALL are: 12 s, in which robots drive, and pickers pick.
 TICKS = 120
-# Agents that only call each other.
+# The function that makes agents which only call each other: `--agents` of a host.
 TOY = "calling_agents:cast"
 
-# Includes the exchanges of 3 rows with 2 pickers.
+# 150 s. In them 2 pickers of 3 rows exchange bins with carriers.
 HARVEST_TICKS = 1500
 
 
 def driven_by(**classes: str) -> Scenario:
-    """Return the small orchard with classes of `own_agents` for kinds or robots."""
+    """Return the small orchard with classes of `own_agents` for kinds or robots.
+
+    `driven_by(picker="Eastward")`: each picker is an `own_agents.Eastward`.
+    """
     return SMALL.model_copy(
         update={"agents": {name: f"own_agents.{class_}" for name, class_ in classes.items()}}
     )
 
 
 def played(run: Local | Scenario, until: int, **agents: Agent) -> Local:
-    """Return a run at a tick, in which these agents have taken over from those of the scenario."""
+    """Let a run, or a new one of a scenario, go on until a tick, and return it.
+
+    `agents`: name -> agent that takes over from that of the scenario before the first of the ticks.
+    """
     local = Local(run) if isinstance(run, Scenario) else run
     for name, agent in agents.items():
         local.play(name, agent)
@@ -54,7 +62,11 @@ def played(run: Local | Scenario, until: int, **agents: Agent) -> Local:
 
 
 def local_hash(scenario, ticks, agents=None, holds=Lookahead):
-    """Return the hash of a run at a tick. `holds`: the class that says which agents are asked."""
+    """Return the hash of a run after so many ticks.
+
+    `agents`: all agents by name; None: those of the scenario. `holds`: the class that says which
+    agents are asked at a tick.
+    """
     return played(Local(scenario, agents, holds=holds), ticks).engine.hash
 
 
@@ -68,9 +80,11 @@ def start_afresh(local: Local) -> None:
 
 
 def local_at(tick: int) -> Local:
+    """Return a run of 3 rows at a tick."""
     return played(Scenario(rows=3), tick)
 
 
 @cache
 def harvest_hash():
+    """Return the hash of a run of 3 rows after HARVEST_TICKS."""
     return local_hash(Scenario(rows=3), HARVEST_TICKS)

@@ -1,4 +1,7 @@
-"""Logs of bins, as a person would write them, of harvests with known rates."""
+"""Logs of bins for tests of `orchard calibrate`, made of simulated harvests.
+
+The rates of these harvests are known, so a test can compare what is fitted to the log with them.
+"""
 
 from datetime import datetime, timedelta
 
@@ -37,6 +40,7 @@ def simulated_bins(scenario: Scenario) -> list[LoggedBin]:
 
 
 def _more(event) -> dict:
+    """Return the rest of an event as a row of the table of events has it: empty is None there."""
     return {"whom": event.whom or None, "detail": event.detail}
 
 
@@ -51,7 +55,7 @@ def log_text(bins: list[LoggedBin]) -> str:
                 time = midnight + BEGIN + timedelta(seconds=round(seconds))
                 names = f"{bin_.picker},{bin_.row},{bin_.carrier}"
                 lines.append(f"{time.isoformat()},{event},{names}")
-    # Of one second, a bin is full before it is fetched.
+    # Times are whole seconds. Where two are equal, a bin is full before it is fetched.
     order = {"full": 0, "fetched": 1, "unloaded": 2}
     lines.sort(key=lambda line: (line.split(",")[0], order[line.split(",")[1]]))
     return "\n".join(["time,event,picker,row,carrier", *lines]) + "\n"

@@ -1,4 +1,8 @@
-"""Results of studies, made by hand, for tests of what is shown of them."""
+"""Results of studies, made by hand, for tests of what is shown of them.
+
+No harvest stands behind the figures. They are such that each setting is where a test needs it: far
+behind the best one, near it, or jammed.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -11,16 +15,21 @@ from orchard.study.result import Check, Interval, Row, Standing, StudyResult
 
 
 def interval(mean: float, half: float = 0.0) -> Interval:
+    """Return an interval of confidence: `half` on each side of the mean."""
     return Interval(mean=mean, low=mean - half, high=mean + half)
 
 
-# How far a setting is behind the best mean.
+# How far a setting is behind the best mean, as a share of it: more, and less, than the 2 % that
+# count.
 FAR = interval(0.05, 0.01)
 NEAR = interval(0.005, 0.01)
 
 
 def a_row(rate: float | None, half: float = 0.0, **changes: Any) -> Row:
-    """Return a row of a harvest of 20 rows at this rate, bins an hour; None: each run jammed."""
+    """Return a row of a study of harvests of 20 bins at this rate, bins an hour.
+
+    `rate` None: each run of the setting jammed. `half`: half the interval of the rate.
+    """
     known = rate is not None
     row = dict(
         setting={"carriers": 9},
@@ -28,7 +37,8 @@ def a_row(rate: float | None, half: float = 0.0, **changes: Any) -> Row:
         replications=5,
         jammed=0 if known else 5,
         bins_per_hour=interval(rate, half) if known else None,
-        harvest_seconds=interval(72000.0 / rate) if known else None,
+        # 20 bins at so many an hour of 3,600 s.
+        harvest_seconds=interval(20 * 3600.0 / rate) if known else None,
         cost_per_bin=None,
         picker_waiting_seconds=316.2,
         carrier_utilisation=0.774,
@@ -42,6 +52,7 @@ def a_row(rate: float | None, half: float = 0.0, **changes: Any) -> Row:
 
 
 def checked(rate: float, half: float, difference: float, jammed: int = 0) -> Check:
+    """Return what the simulator says of a setting: its rate, and the share that this differs."""
     return Check(
         bins_per_hour=interval(rate, half), difference=difference, replications=3, jammed=jammed
     )
@@ -53,7 +64,12 @@ def a_result(
     ties: tuple[dict[str, Any], ...] = (),
     **changes: Any,
 ) -> StudyResult:
-    """Return a study of these rows. All rows that are neither best nor a tie are worse."""
+    """Return a study of these rows.
+
+    `best`: the setting of the best row, None if no row is best. `ties`: settings as good as that.
+    Rows of `undecided` settings, which is one of the changes, get the standing `unknown`. All other
+    rows keep theirs. The best row gets a small lead, unless it has one of its own.
+    """
     varied: dict[str, list[Any]] = {}
     for row in table:
         for key, value in row.setting.items():
@@ -107,9 +123,12 @@ def compared(
     within: float = 0.02,
     is_max: bool = True,
 ) -> tuple[Comparison, dict[int, list[float]]]:
-    """Compare settings by values of each setting and seed, look by look, until all is decided.
+    """Compare settings as a study does: look by look, with more seeds each time, until all is
+    decided.
 
-    Return also what was seen.
+    `value`: returns the value of a setting, by its index, and a seed. `robots`: of each setting.
+    `within`: what counts, as a share. `is_max`: whether the greatest value is best.
+    Return the comparison, and the values that were seen: index of a setting -> value of each seed.
     """
     for look in LOOKS:
         seen = {i: [value(i, seed) for seed in range(look)] for i in range(len(robots))}
@@ -136,7 +155,7 @@ RATES = {
     14: 73.1,
     20: 73.2,
 }
-# A bin, at 15 an hour for a picker, 6 for a carrier.
+# The cost of a bin with so many carriers: an hour costs 15 for each of 10 pickers, 6 for a carrier.
 PRICES = {number: (10 * 15.0 + number * 6.0) / rate for number, rate in RATES.items()}
 
 
@@ -145,6 +164,7 @@ def by_carriers(**changes: Any) -> StudyResult:
 
     The cheapest setting is best, and 20 carriers jammed.
     """
+    # Bins an hour: what a carrier, or the unloading at the bay, can do at most.
     bound = {number: min(8.0 * number, 79.2) for number in RATES}
     rows = [
         a_row(
@@ -164,6 +184,7 @@ def by_carriers(**changes: Any) -> StudyResult:
 
 
 def by_policies() -> StudyResult:
+    """Return a study of five policies, of which the two predictive ones are equally good."""
     rates = {
         "nearest": 59.5,
         "longest-waiting": 68.8,
@@ -179,6 +200,8 @@ def by_policies() -> StudyResult:
 
 
 def by_both() -> StudyResult:
+    """Return a study of each number of carriers with each of three policies."""
+    # Policy -> the share of `RATES` that it reaches.
     gains = {"nearest": 0.8, "farthest-first": 0.92, "predictive": 1.0}
     rows = [
         a_row(

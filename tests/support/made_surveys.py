@@ -1,5 +1,7 @@
-"""Surveys for tests: rows as drawn in a local frame, and the GeoJSON that a surveyor would write of
-them.
+"""Surveys of orchards for tests: rows in a frame of their own, and GeoJSON files of them.
+
+In the frame of the rows x runs along the rows, from their western ends; the rows are listed from
+north to south. A point is a complex number x + yj, m. So a turn is a product, a shift a sum.
 """
 
 import cmath
@@ -13,15 +15,19 @@ from stage import empty_orchard
 from orchard.field.scenario import Scenario
 from orchard.field.survey import CLOSEST, FURTHEST, WIDEST_GAP
 
-# Bay of Plenty 2000, and its middle: there its metres are those on the ground.
+# Coordinates of New Zealand, Bay of Plenty 2000, and a point in the middle of its area, m: there
+# its metres are those on the ground.
 CIRCUIT = "EPSG:2107"
 THERE = complex(400_000.0, 800_000.0)
-# Of the rows of `straight_rows`, from east: they run 72.8 degrees clockwise from north.
+# 0.3 rad, times j. So far the rows of `straight_rows` are turned from east to north: they run 72.8
+# degrees clockwise from north.
 TURN = 0.3j
 
 
 class Row(NamedTuple):
-    """A row in the frame of the rows, m."""
+    """A row in the frame of the rows, m: how far it is south of the first row, where it begins, and
+    its length.
+    """
 
     south: float
     start: float
@@ -33,7 +39,10 @@ UNEQUAL = (Row(0.0, 0.0, 29.0), Row(5.3, 3.5, 21.3), Row(13.1, 1.0, 30.2), Row(1
 
 @st.composite
 def rows(draw: st.DrawFn, fewest: int = 3, most: int = 8) -> list[Row]:
-    """Draw rows within all limits, in whole centimetres, at most one of them missing."""
+    """Draw rows within all limits of a survey, in whole centimetres.
+
+    In half of the draws a gap is as wide as if a row were missing there.
+    """
     gaps = draw(
         st.lists(
             st.floats(CLOSEST, FURTHEST).map(lambda gap: round(gap, 2)),
@@ -44,6 +53,7 @@ def rows(draw: st.DrawFn, fewest: int = 3, most: int = 8) -> list[Row]:
     if draw(st.booleans()):
         gaps[draw(st.integers(1, len(gaps))) - 1] = round(draw(st.floats(FURTHEST, WIDEST_GAP)), 2)
     shortest = draw(st.floats(50.0, 140.0))
+    # Of each row, x of its west and of its east end.
     ends = [
         (round(draw(st.floats(0.0, 29.0)), 2), round(shortest + draw(st.floats(0.0, 29.0)), 2))
         for _ in range(len(gaps) + 1)
@@ -57,6 +67,7 @@ def rows(draw: st.DrawFn, fewest: int = 3, most: int = 8) -> list[Row]:
 
 
 def orchard_of(rows: list[Row] | tuple[Row, ...], **changes: Any) -> Scenario:
+    """Return an empty orchard with these rows as its survey, and with other values changed."""
     listed = [{"id": f"r{number}", **row._asdict()} for number, row in enumerate(rows, start=1)]
     return empty_orchard(
         rows=len(rows),
@@ -67,6 +78,7 @@ def orchard_of(rows: list[Row] | tuple[Row, ...], **changes: Any) -> Scenario:
 
 
 def points_of(row: Row) -> list[complex]:
+    """Return five points of a row at equal distances, from its west end to its east end."""
     return [complex(row.start + row.length * share / 4, -row.south) for share in range(5)]
 
 
@@ -105,7 +117,7 @@ def pair(point: complex) -> list[float]:
 
 
 def straight_rows(count: int = 5, spacing: float = 6.0, length: float = 60.0) -> list[dict]:
-    """Return equal rows r1 ... as features, from north to south."""
+    """Return equal rows r1, r2, ... as features of GeoJSON, from north to south. Metres."""
     features = []
     for i in range(count):
         ends = [pair(complex(0.0, -spacing * i)), pair(complex(length, -spacing * i))]

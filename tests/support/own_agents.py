@@ -1,4 +1,8 @@
-"""Agents as users write them, correct and faulty, for scenarios that name them."""
+"""Agents as users write them: classes that a scenario names as `own_agents.Eastward`.
+
+Some are right; most have one fault, and tests look at what is said of it. They stand in a module of
+their own because each process of a run imports them by this name.
+"""
 
 import math
 import os
@@ -16,6 +20,8 @@ from orchard.field.geometry import Twist
 
 
 class Eastward:
+    """Drives on at 0.25 m/s. It has no fault; the others are made of it."""
+
     Memory = dict
 
     def __init__(self, layout, name):
@@ -26,6 +32,8 @@ class Eastward:
 
 
 class Listing(Eastward):
+    """Remembers a list where most agents have a map."""
+
     Memory = list
 
     def tick(self, observation, mail, memory):
@@ -33,20 +41,28 @@ class Listing(Eastward):
 
 
 class Forgetful:
+    """Has neither `Memory` nor `tick`."""
+
     def __init__(self, layout, name):
         pass
 
 
 class Nameless:
+    """Has no `__init__`, which takes the layout and a name."""
+
     def tick(self, observation, mail, memory): ...
 
 
 class Unmakeable:
+    """Raises an error when it is made."""
+
     def __init__(self, layout, name):
         raise LookupError("no map")
 
 
 class Wrong(Eastward):
+    """From tick 3 on its velocity is no number."""
+
     def tick(self, observation, mail, memory):
         good = super().tick(observation, mail, memory)
         return Action(twist=Twist(x=math.nan), memory=memory) if observation.tick >= 3 else good
@@ -62,21 +78,29 @@ class Hostile(Eastward):
 
 
 class Quitter(Eastward):
+    """Calls for the end of Python at its first tick."""
+
     def tick(self, observation, mail, memory):
         raise SystemExit(3)
 
 
 class Refuser(Eastward):
+    """Calls for the end of Python when it is made."""
+
     def __init__(self, layout, name):
         raise SystemExit("no licence")
 
 
 class Stillborn(Eastward):
+    """Ends its process at once when it is made, as a crash in C code would."""
+
     def __init__(self, layout, name):
         os._exit(7)
 
 
 class Mortal(Eastward):
+    """Ends its process at tick 20, as a crash in C code would."""
+
     def tick(self, observation, mail, memory):
         if observation.tick >= 20:
             os._exit(7)
@@ -98,7 +122,7 @@ class Endless(Eastward):
 
 
 class Stubborn(Endless):
-    """Catches whatever is raised meanwhile."""
+    """Never ends tick 3 either, and catches the first thing that is raised meanwhile."""
 
     def think(self):
         with suppress(BaseException):
@@ -107,14 +131,18 @@ class Stubborn(Endless):
 
 
 def lost(layout, names):
+    """Make the agents of a host: it raises an error."""
     raise LookupError("no map")
 
 
 def nobody(layout, names):
+    """Make the agents of a host: there are none."""
     return {}
 
 
 class Speechless(Eastward):
+    """Names a built-in message as its own messages, which must be structs of the user."""
+
     Messages = Here
 
 
@@ -130,6 +158,7 @@ class Mischief(Eastward):
         return Action(twist=Twist(x=0.25), **mistake)
 
 
+# What is raised, or the arguments of a faulty Action.
 MISCHIEF = [
     KeyboardInterrupt(),
     CancelledError(),
@@ -148,10 +177,14 @@ MISCHIEF = [
 ]
 
 
+# Would clear a terminal, change its title, turn the direction of writing, and begin a line that
+# looks like one of physics.
 ESCAPE = "Injected\x1b[2J\x1b]0;owned\x07\u202e\r\nphysics: all is well"
 
 
 class Injector(Eastward):
+    """Puts control characters for terminals into each text that it can send."""
+
     def tick(self, observation, mail, memory):
         if observation.tick == 5:
             raise ValueError(ESCAPE)
@@ -169,12 +202,16 @@ class Injector(Eastward):
 
 
 class Scribbler(Eastward):
+    """Changes the scan that it is given: it puts 30 m where the laser has no return."""
+
     def tick(self, observation, mail, memory):
         observation.scan[np.isinf(observation.scan)] = 30
         return super().tick(observation, mail, memory)
 
 
 class Collector(Eastward):
+    """Remembers a set, which no message can carry."""
+
     def tick(self, observation, mail, memory):
         return Action(twist=Twist(x=0.25), memory={"seen": {self.name}})
 

@@ -1,11 +1,16 @@
-"""Dispatch policies of a user's own, in a file that every process of a test finds: one that sends
-carriers too early, and faulty ones.
+"""Dispatch policies as a user writes them: classes that a scenario names as `own_policies.AtOnce`.
+
+Some work, well or badly, and some are faulty: tests look at what is said of each fault. They stand
+in a module of their own because each process of a run imports them by this name.
+docs/extending.md describes the arguments of `assign`.
 """
 
 from orchard import Assignment, BinReport
 
 
 class Own:
+    """What the policies of this file have in common. A policy needs no base class."""
+
     Memory = dict
 
     def __init__(self, layout):
@@ -13,6 +18,8 @@ class Own:
 
 
 class Lacking(Own):
+    """Cannot be made: a package that it needs is missing."""
+
     def __init__(self, layout):
         import no_such_package  # noqa: F401
 
@@ -30,7 +37,7 @@ class AtOnce(Own):
 
 
 class OneAtATime(Own):
-    """Sends a carrier only while no other one is away, and one stands behind it."""
+    """Sends a carrier only while no carrier has a job, and there are two carriers or more."""
 
     def assign(self, now, bins, carriers, memory):
         free = [carrier.name for carrier in carriers if carrier.is_next]
@@ -39,38 +46,52 @@ class OneAtATime(Own):
 
 
 class Raising(Own):
+    """Raises an error at each decision."""
+
     def assign(self, now, bins, carriers, memory):
         raise LookupError("no such bin here")
 
 
 class Inventing(Own):
+    """Assigns a bin that does not exist, which it has added to the list that it was given."""
+
     def assign(self, now, bins, carriers, memory):
         bins.append(BinReport("bin_77", 1, "east", "picker_01", 0, 0.0))
         return [Assignment("bin_77", "carrier_01")]
 
 
 class Overworking(Own):
+    """Assigns each bin twice, and all bins to one carrier."""
+
     def assign(self, now, bins, carriers, memory):
         return [Assignment(report.name, "carrier_01") for report in bins] * 2
 
 
 class Leaving(Own):
+    """Ends its process, as `sys.exit` does."""
+
     def assign(self, now, bins, carriers, memory):
         raise SystemExit(0)
 
 
 class Hoarding(Own):
+    """Remembers 20,000 letters, more than the dispatcher's `LARGEST_POLICY_MEMORY` allows."""
+
     def assign(self, now, bins, carriers, memory):
         memory["past"] = "x" * 20_000
         return []
 
 
 class Silent(Own):
+    """Returns None in place of a list, and remembers a set, which no message can carry."""
+
     def assign(self, now, bins, carriers, memory):
         memory["bins"] = set(bins)
 
 
 class Idle(Own):
+    """Never sends a carrier."""
+
     def assign(self, now, bins, carriers, memory):
         return []
 

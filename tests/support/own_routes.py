@@ -1,5 +1,8 @@
-"""Routes of a user's own, of steps that any plan may have, in a file that each process of a test
-finds.
+"""Routes as a user writes them: classes that a scenario names as `own_routes.Wider`.
+
+Their plans have only steps of `orchard.plans.steps`. They stand in a module of their own because
+each process of a run imports them by this name. Distances are in metres: docs/traffic.md draws the
+roads A to G of a side.
 """
 
 from orchard import OneWay, Say, Wait
@@ -10,6 +13,7 @@ from orchard.plans.two_way import TwoWay
 class Wider(OneWay):
     """A route whose loop around the bottom is wider."""
 
+    # Each 2 m further south than in `OneWay`.
     F_BOTTOM = 5.5
     D_BOTTOM = 7.6
 
@@ -17,6 +21,7 @@ class Wider(OneWay):
 class Pausing(OneWay):
     """A route on which a carrier stops for a second before it turns to the bay."""
 
+    # As in `OneWay`.
     PARKED = 44.0
 
     def go_to_bay(self, lane, side):
@@ -25,9 +30,10 @@ class Pausing(OneWay):
 
 
 class Onward(TwoWay):
-    """A route on which a picker drives on after its last row.
+    """A route on which a picker that has parked drives on for 1.5 m.
 
-    It stands for repairs there, and comes a little back.
+    It stands there for 400 s, as for repairs, and comes a little back. So a plan has more steps
+    after the last row than a built-in one.
     """
 
     def harvest(self, block):
@@ -45,7 +51,11 @@ class OnePlace(OneWay):
 
 
 class Farther(OneWay):
-    """A route that takes the ways in the queue to be twice as long as they are."""
+    """A route that takes the ways in the queue to be twice as long as they are.
+
+    `distance` is what policies ask for the way of a carrier at (x, y) to a lane.
+    """
 
     def distance(self, x, y, lane, side):
+        # `super` has counted the way from the carrier's place to the queue's head once.
         return super().distance(x, y, lane, side) + (self.queue.head - x)

@@ -50,7 +50,7 @@ def wait_for(process: subprocess.Popen, address: str, seconds: float = PATIENCE)
 @contextmanager
 def served(runs: Path):
     port = free_port()
-    # Or NiceGUI thinks it is the test.
+    # By this variable NiceGUI would take the server for a test of its own.
     plain = {name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"}
     process = subprocess.Popen(
         page("--port", port, "--runs", runs), cwd=ROOT, stdout=subprocess.DEVNULL, env=plain

@@ -26,6 +26,7 @@ def run_checked(model: columns.Model, until: int) -> Any:
 
 
 def _checked(array: np.ndarray) -> "CheckedArray":
+    """Return a checked copy of an array of numbers, or of rows with named columns."""
     if array.dtype.names is None:
         return CheckedArray(array.tolist(), array.shape, array.dtype.kind)
     kinds: dict[str, str] = {name: array.dtype[name].kind for name in array.dtype.names}
@@ -39,21 +40,25 @@ def _rows(array: np.ndarray, kinds: dict[str, str]) -> list[Any]:
 
 
 def _write_back(checked: "CheckedArray", array: np.ndarray) -> None:
+    """Copy what the machine has changed into the array of the harvest."""
     if array.dtype.names is None:
         array[...] = np.array(checked.items, array.dtype).reshape(array.shape)
         return
     if array.ndim > 1:
-        # No harvest changes its draws.
+        # The only rows in two dimensions are the random draws, which no harvest changes.
         return
     for number, row in enumerate(checked.items):
         array[number] = tuple(row.values.values())
 
 
 class CheckedArray:
-    """An array of numbers or rows, which refuses indices that are not in it."""
+    """An array of numbers or rows, which refuses indices that are not in it.
+
+    Like an array of numpy, it shares its items with its parts: `array[2][0] = 5` changes `array`.
+    """
 
     def __init__(self, items: list[Any], shape: tuple[int, ...], kind: str) -> None:
-        """`kind`: of its numbers, as numpy has it."""
+        """`items`: lists in lists, of this shape. `kind`: `dtype.kind` of numbers; "" for rows."""
         self.items = items
         self.shape = shape
         self.kind = kind
@@ -94,7 +99,7 @@ class CheckedRow:
     values: dict[str, Any]
 
     def __init__(self, kinds: dict[str, str], values: tuple[Any, ...]) -> None:
-        """`kinds`: of each column's numbers, as numpy has it."""
+        """`kinds`: the name of each column, in order, and its `dtype.kind`."""
         # An assignment to `self.kinds` would be one to a column: see `__setattr__`.
         vars(self)["kinds"] = kinds
         vars(self)["values"] = dict(zip(kinds, values, strict=True))
@@ -116,6 +121,7 @@ def _checked_value(value: Any, kind: str) -> Any:
     if kind == "f":
         return float(value)
     assert isinstance(value, int), f"{value} is no whole number"
+    # Unsigned columns hold sets of places, a bit for each. They may use all 64 bits.
     assert kind != "u" or value >= 0, f"{value} is no set of places"
     assert abs(value) < 2**63 or kind == "u", f"{value} is too large"
     return bool(value) if kind == "b" else value

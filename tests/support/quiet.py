@@ -1,4 +1,8 @@
-"""Random orchards: quiet ones, where nobody is about and nothing fails, and others."""
+"""Random orchards for tests that compare the event model with the simulator.
+
+A quiet orchard has no people, animals, weeds or tractor, and nothing fails in it. A test adds the
+rest by values of its own.
+"""
 
 from collections.abc import Callable, Iterator
 from random import Random
@@ -34,7 +38,11 @@ def quiet_layouts(seed: int, count: int) -> Iterator[Layout]:
 def random_layouts(
     seed: int, count: int, values_of: Callable[[Random], dict[str, Any]]
 ) -> Iterator[Layout]:
-    """Yield so many random layouts. `values_of`: what they have beside those of a quiet one."""
+    """Yield so many random layouts.
+
+    `values_of`: returns values of a scenario that are put over those of a quiet one. Where a value
+    is a section, such as `carrying`, only its own entries are replaced.
+    """
     chances = Random(seed)
 
     def drawn() -> dict[str, Any]:
@@ -47,7 +55,10 @@ def random_layouts(
 
 
 def laid_out(drawn: Callable[[], dict[str, Any]], count: int) -> Iterator[Layout]:
-    """Yield the layouts of so many drawn scenarios. What cannot be built is drawn again."""
+    """Yield the layouts of so many drawn scenarios. What cannot be built is drawn again.
+
+    `drawn`: draws the values of one scenario.
+    """
     laid = 0
     while laid < count:
         values = drawn()
@@ -60,9 +71,9 @@ def laid_out(drawn: Callable[[], dict[str, Any]], count: int) -> Iterator[Layout
 
 
 def small_harvest(chances: Random, rows: tuple[int, int], load_out: Any) -> dict[str, Any]:
-    """Return a small orchard, drawn at random, with this load-out.
+    """Return the values of a small orchard, drawn at random, with this load-out.
 
-    `rows`: the fewest and the most.
+    `rows`: the fewest and the most. `load_out`: that section of the scenario.
     """
     return NOBODY | {
         "rows": chances.randint(*rows),

@@ -1,7 +1,8 @@
-"""The laser as one would write it without a thought for speed, in plain numpy, and orchards to try
-it in.
+"""A plain laser, to compare the compiled one of `orchard/sim/kernels/laser.py` with, and worlds to
+try both in.
 
-A box is (x, y, half length, half width, yaw); metres and radians.
+It is written in numpy without a thought for speed. A box is (x, y, half length, half width, yaw),
+in metres and radians, in the frame of the orchard.
 """
 
 from collections.abc import Sequence
@@ -59,6 +60,7 @@ def world_of(
 
 
 def boxes_seen_by(world: World, me: int) -> list[tuple[float, float, float, float, float]]:
+    """Return the walls, and all solid bodies except the one with index `me`."""
     boxes = [(*wall, 0.0) for wall in world.layout.walls.tolist()]
     for i, start in enumerate(world.layout.starts):
         kind = KINDS[start.kind]
@@ -76,9 +78,11 @@ def bounds_of(world: World, me: int, slack: float) -> tuple[np.ndarray, np.ndarr
     """
     kind = KINDS[world.layout.starts[me].kind]
     x, y, yaw = world.pose[me].tolist()
+    # The laser is at the front of the body.
     x, y = x + kind.laser.ahead * np.cos(yaw), y + kind.laser.ahead * np.sin(yaw)
     angles = yaw + kind.laser.first + kind.laser.increment * np.arange(kind.laser.beams)
     boxes = np.array(boxes_seen_by(world, me))
+    # (inflations, boxes, beams), m.
     distances = np.array(
         [
             distance_to_box(x, y, angles, boxes.T[..., None], inflate)
@@ -86,6 +90,7 @@ def bounds_of(world: World, me: int, slack: float) -> tuple[np.ndarray, np.ndarr
         ]
     )
     least = distances.min(axis=(0, 1))
+    # The nearest box ends a beam, so it counts however far the boxes behind it are.
     most = distances.max(axis=0).min(axis=0)
     return np.where(least <= LASER_RANGE + slack, least - slack, np.inf), np.where(
         most <= LASER_RANGE - slack, most + slack, np.inf
@@ -97,13 +102,15 @@ def distance_to_box(
 ) -> np.ndarray:
     """Return how far along each ray it first meets a box's edge, m; +inf where it does not.
 
-    It is the method of slabs. The numbers of the box may be columns of those of many boxes: then
-    there is a row for each box.
+    It is the method of slabs: a box is the common part of two strips, one along it and one across.
+    A ray is in the box while it is in both strips. `angles`: (beams,) rad. `box`: five numbers, or
+    five columns (boxes, 1) of many boxes; then a row is returned for each box.
     """
     box_x, box_y, half_length, half_width, yaw = box
     half_length = half_length + inflate
     half_width = half_width + inflate
     c, s = np.cos(yaw), np.sin(yaw)
+    # Where the ray begins, in the frame of the box.
     along = c * (x - box_x) + s * (y - box_y)
     across = c * (y - box_y) - s * (x - box_x)
     outside = np.maximum(abs(along) - half_length, abs(across) - half_width)
@@ -114,11 +121,14 @@ def distance_to_box(
         (across, np.sin(angles - yaw), half_width),
     ):
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            one = (-half - at) / towards
-            other = (half - at) / towards
-        parallel_outside = (towards == 0.0) & (abs(at) > half)
-        enter = np.fmax(enter, np.where(parallel_outside, np.inf, np.fmin(one, other)))
-        leave = np.fmin(leave, np.where(parallel_outside, -np.inf, np.fmax(one, other)))
+            low_side = (-half - at) / towards
+            high_side = (half - at) / towards
+        # A ray along a strip is in it always or never. Where it is always, the divisions give
+        # infinities, or nan on a side; fmin and fmax pass over nan.
+        never = (towards == 0.0) & (abs(at) > half)
+        enter = np.fmax(enter, np.where(never, np.inf, np.fmin(low_side, high_side)))
+        leave = np.fmin(leave, np.where(never, -np.inf, np.fmax(low_side, high_side)))
+    # A ray that begins inside meets the edge where it leaves.
     hit = np.where(enter >= 0.0, enter, leave)
     distances = np.where((enter <= leave) & (leave >= 0.0), hit, np.inf)
     return np.where((outside >= -TOUCH) & (outside <= 0.0), 0.0, distances)

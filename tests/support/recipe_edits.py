@@ -1,4 +1,9 @@
-"""What a person edits who follows the recipes of CONTRIBUTING.md: their examples, carried out."""
+"""The examples of the recipes of CONTRIBUTING.md: what a person edits who follows them.
+
+tests/docs/test_recipes.py makes these changes in a copy of the clone, and runs the tests that the
+recipe names. So a recipe that lacks a file is found, and one whose code has moved. Each text must
+stand in the code as it is written here: where a test fails after a change of the code, change both.
+"""
 
 from pathlib import Path
 from typing import NamedTuple

@@ -1,5 +1,9 @@
 """Real messages of a run in this process, on all keys and in both directions; and what noise, age
 and malice make of them.
+
+Three parts: stand-ins for Zenoh, over which physics and one host harvest in this process (`Net`,
+`StandIn`, `Run`, `recorded`); small helpers for tests of the rules of lockstep and realtime; and
+mutants of messages, at random (`mutants`), for tests that no message can harm a receiver.
 """
 
 import math
@@ -33,6 +37,11 @@ RUN = "run1"
 
 
 class Query(AnyQuery):
+    """A query that keeps its replies and errors, and passes each on to the session that asked.
+
+    `dropped`: whether it is answered to the end. `ticket`: by which the session knows its question.
+    """
+
     def __init__(
         self,
         key: str,
@@ -86,7 +95,11 @@ class Net:
 
 
 class StandIn:
-    """What the program needs of a bus.Bus."""
+    """A session on a `Net`, with the methods of `bus.Bus` that the program calls.
+
+    `keys`: patterns of keys to which it subscribes. `tokens`: patterns of liveliness tokens that it
+    watches. `answers`: keys on which it answers queries.
+    """
 
     def __init__(self, net: Net, session: str) -> None:
         self.inbox = Inbox()
@@ -120,6 +133,7 @@ class StandIn:
         return True
 
     def ask(self, key: str, payload: bytes, ticket: object, seconds: float = 0.0) -> None:
+        # The first session that answers there gets the query. Without one it is over at once.
         bus = next((bus for bus in self._net.buses if bus.hears(bus.answers, key)), None)
         query = Query(key, payload, self.inbox.put, ticket)
         self._net.queries.append(query)
@@ -171,7 +185,7 @@ class Run:
         )
 
     def to_the_end(self):
-        """Return the end that physics tells."""
+        """Harvest until both have ended. Return the end that physics publishes."""
         ends = []
         run = threading.Thread(
             target=lambda: ends.append(self.physics.play(self.engine.rehearse)), daemon=True
@@ -210,18 +224,21 @@ class Clock:
 
 
 def letter(sender="bin_01", tick=4, number=0):
+    """Return a packed letter, which asks for a state. `number`: which of its sender's at a tick."""
     return pack(Letter(RUN, tick, sender, number, StateRequest()))
 
 
 def roster(*held):
-    one = Roster(["bin_01", "picker_01"])
+    """Return the roster of a bin and a picker. `held`: (agent, session that owns it), ..."""
+    members = Roster(["bin_01", "picker_01"])
     for name, owner in held:
-        one.token(name, owner, True)
-        one.join(name, owner)
-    return one
+        members.token(name, owner, True)
+        members.join(name, owner)
+    return members
 
 
 def heard_at(box, tick, name="picker_01"):
+    """Return the requests that a mailbox delivers to an agent at a tick."""
     mail = box.deliver(tick).get(name)
     return [] if mail is None else mail.requests
 
@@ -258,7 +275,8 @@ def recorded(scenario, run: str, ticks: int) -> dict[str, list[tuple[str, bytes]
                 example = rewritten(pack(EXAMPLES[type_]), run=run)
                 by_kind[kind].append((KEYS.of(kind, "picker_01", "stranger"), example))
 
-    # Of many messages 40 to 80 are enough.
+    # Of many messages every so many is returned, so that 40 to 80 are left: mutants of these are
+    # enough, and take less time.
     return {kind: messages[:: max(1, len(messages) // 40)] for kind, messages in by_kind.items()}
 
 
@@ -268,14 +286,17 @@ def rewritten(payload: bytes, **fields) -> bytes:
 
 
 def nested(levels: int) -> bytes:
+    """Return msgpack of lists in lists, so deep: 0x91 begins a list of one, and 0xc0 is nil."""
     return b"\x91" * levels + b"\xc0"
 
 
+# What fields of messages become: wrong values of each type.
 HUGE = "x" * 300_000
 NUMBERS = [-1, 2**63, 2**64 - 1, -(2**63), 1.5, math.nan, math.inf, -math.inf, 1e308]
 TEXTS = ["", "nobody_99", "picker_01\n", "\x1b[2J\x00", "../../*", "**", b"", b"\xff" * 57]
 TREES = [[], {}, [[]], {"a": {}}, [None] * 300, {1: 2}, {b"x": 1}, [math.nan] * 7, {"x" * 300: 0}]
 JUNK = [None, True, *NUMBERS, *TEXTS, *TREES, msgpack.Timestamp(1, 1), msgpack.ExtType(5, b"ab")]
+# Pieces of arrays such as scans (float32): no distances, and pieces of the wrong length.
 BAD_ARRAYS = [struct.pack("<f", number) for number in (math.nan, -math.inf, -1.0)] + [
     b"\0",
     struct.pack("<d", math.nan),
@@ -286,6 +307,8 @@ def of_bytes(payload: bytes, chance: random.Random) -> bytes:
     """Return a payload with bits flipped, cut off, put in or doubled; or other bytes."""
     at = chance.randrange(len(payload))
     some = chance.randbytes(chance.randrange(1, 9))
+    # Only the case that is drawn is computed. The last two are maps and lists that are nested too
+    # deep: 0x81 begins a map of one.
     return chance.choice(
         [
             lambda: (
@@ -305,7 +328,8 @@ def of_bytes(payload: bytes, chance: random.Random) -> bytes:
 def of_fields(value, chance: random.Random):
     """Return a map or list in which one thing, at any depth, is wrong.
 
-    It is of another type or size, unknown, doubled or missing.
+    It is of another type or size, unknown, doubled or missing. The shares of the draws are such
+    that all of these occur often, and most mutants are wrong deep inside.
     """
     if isinstance(value, dict) and value and chance.random() < 0.9:
         key = chance.choice(list(value))
@@ -326,6 +350,7 @@ def of_fields(value, chance: random.Random):
             + value[at + 1 :]
         )
     if isinstance(value, bytes) and value and chance.random() < 0.8:
+        # At the beginning of a number: those of arrays have 4 or 8 bytes.
         at = 8 * chance.randrange(1 + len(value) // 8)
         bad = chance.choice(BAD_ARRAYS)
         return value[:at] + bad + value[at + len(bad) * chance.randrange(2) :]
@@ -339,6 +364,7 @@ def mutants(payload: bytes, chance: random.Random) -> Iterator[bytes]:
         for _ in range(3):
             yield msgpack.packb(of_fields(tree, chance))
             yield of_bytes(payload, chance)
+        # It is seldom drawn, for there is one of a message.
         yield doubled(tree)
 
 
@@ -351,6 +377,7 @@ def doubled(tree: dict) -> bytes:
 
 
 def oversized() -> list[bytes]:
+    """Return payloads that are larger than a receiver accepts: of zeros, of a text, of lists."""
     packed = [
         msgpack.packb(tree)
         for tree in ({"run": "x" * (MAX_PAYLOAD - 20)}, [[]] * (MAX_PAYLOAD // 2))

@@ -14,29 +14,32 @@ from orchard.sim.frames import FrameBuilder
 from orchard.view.files import parts_of
 from orchard.view.recorder import Recorder
 
-SECONDS = (
-    # Of the harvest whose recording tests share: its pickers wait for empty bins from 80 s on.
-    90.0
-)
-# (entity, component) -> (s, simulated, value) in the order of time.
+# The length of the recording that tests share, s of the harvest. From 80 s on its pickers wait for
+# empty bins, so the recording has all states of a picker.
+SECONDS = 90.0
+# (entity, component) -> (simulated s, value) in the order of time.
 History = dict[tuple[str, str], list[tuple[float, object]]]
 
 
 def starts(layout: Layout) -> np.ndarray:
+    """Return the pose of each body at the start, (bodies, 3): x, y, m, and yaw, rad."""
     return np.array([start.pose for start in layout.starts])
 
 
 def frames(layout: Layout, seconds: float) -> Iterator[Frame]:
+    """Yield what a recorder gets of each tick of a run, for so many simulated seconds."""
     local = Local(layout.scenario)
     builder = FrameBuilder(local.engine)
     engine = local.engine
     while engine.tick < round(seconds * 10):
         events = local.tick()
+        # The engine counts the next tick already: the letters are of the one before.
         events += talk_of(engine.tick - 1, local.post.written.get(engine.tick - 1, {}))
         yield builder.frame(events)
 
 
 def recording_of(path: Path, layout: Layout, frames: Iterable[Frame], run: str = "a run") -> Path:
+    """Record frames into a file, and return it."""
     recorder = Recorder(layout, run, path)
     for frame in frames:
         recorder.tick(frame)
@@ -71,6 +74,7 @@ class Rows:
             self.rows.append((time, {name: lists[name][i] for name in names}))
 
     def values(self, component: str) -> list[tuple[float, object]]:
+        """Return (seconds, value) wherever the entity has a value of a component."""
         return [(t, row[component]) for t, row in self.rows if row.get(component) is not None]
 
 
@@ -79,6 +83,7 @@ def chunks(path: Path) -> list:
 
 
 def entities_with(path: Path, component: str) -> set[str]:
+    """Return the paths of the entities that have a component."""
     return {
         chunk.entity_path
         for chunk in chunks(path)
@@ -87,11 +92,16 @@ def entities_with(path: Path, component: str) -> set[str]:
 
 
 def poses_at(path: Path, seconds: float) -> dict[str, tuple[float, float, float]]:
-    """Return where the viewer draws each body: the newest pose of its frame."""
+    """Return where the viewer draws each body at a time: x and y, m, and yaw, rad.
+
+    It draws the newest pose of the body's frame. All frames are transforms of the entity /tf.
+    """
     seen = {}
     for t, row in Rows(path, "/tf").rows:
+        # Times are whole nanoseconds, so the last bits of `seconds` must not decide.
         if t <= seconds + 1e-9:
             (x, y, _) = row["Transform3D:translation"][0]
+            # A turn about the vertical by yaw has z = sin(yaw / 2) and w = cos(yaw / 2).
             (_, _, z, w) = row["Transform3D:quaternion"][0]
             seen[row["Transform3D:child_frame"][0]] = (x, y, 2 * np.arctan2(z, w))
     return seen
@@ -122,7 +132,11 @@ def lines_of(rows: History) -> list[tuple[float, str]]:
 
 
 def seen_at(rows: History, seconds: float) -> dict[tuple[str, str], object]:
-    """Return what a viewer shows of all that changes seldom."""
+    """Return what a viewer shows at a time of bodies, canopy and pins: (entity, component) ->
+    value.
+
+    A value stands until the next one of its component, or until its entity is cleared.
+    """
     newest = {}
     for (entity, component), history in rows.items():
         if entity.startswith(("/world", "/canopy", "/pins")):
@@ -143,6 +157,7 @@ def seen_at(rows: History, seconds: float) -> dict[tuple[str, str], object]:
 
 
 def seconds_of(recording: Path) -> float:
+    """Return the simulated time of the last row, s."""
     latest = 0.0
     for chunk in RrdReader(str(recording)).stream():
         batch = chunk.to_record_batch()

@@ -1,9 +1,9 @@
-"""Short runs over the whole schema, whose results are kept: a change of code that says it changes
-no result changes none of them.
+"""Short runs that together use each value of a scenario, and whose results are stored.
+
+tests/sim/test_reference_runs.py does them again. So a change of the code that must change no result
+is seen to change none. Where a change is meant to change results, this stores them anew:
 
     .venv/bin/python tests/support/reference_runs.py
-
-writes the results anew, where a change is meant to change them.
 """
 
 import json
@@ -19,7 +19,7 @@ from orchard.field.scenario import check
 from orchard.local import Local
 
 FOLDER = Path(__file__).parents[1] / "sim"
-# Of each run, unless its harvest is over sooner.
+# The length of each run, 5 minutes, unless its harvest is over sooner.
 TICKS = 3000
 RUNS: dict[str, dict[str, Any]] = yaml.safe_load((FOLDER / "reference_runs.yaml").read_text())
 RESULTS = FOLDER / "reference_hashes.json"
@@ -47,15 +47,20 @@ def result_of(name: str) -> dict[str, Any]:
 
 
 def _tick(local: Local, pushes: list[list[Any]]) -> list[Any]:
-    """Advance a run by one tick. A push drives a robot in place of its agent."""
+    """Advance a run by one tick, and return its events.
+
+    A push drives a robot in place of its agent: [first tick, robot, m/s, rad/s, number of ticks].
+    """
     tick = local.engine.tick
     answers = local.ask()
     for begin, name, speed, rate, ticks in pushes:
         if begin <= tick < begin + ticks:
             own = answers.get(name)
             if own is None:
+                # Its agent was not asked. Its last action stands, but its letters are sent once.
                 own = replace(local.engine.actions[name], requests=[], answers=[])
             answers[name] = replace(own, twist=Twist(x=speed, yaw=rate), hold=None, deeds=[])
+            # Its agent must be asked at the next tick: it is not where it expects to be.
             local.engine.wake([name])
     return local.act(answers)
 

@@ -1,10 +1,14 @@
-"""How runs end, for tests of what is told about it."""
+"""Made summaries of runs, for tests of the words in which the end of a run is printed."""
 
 from orchard.report.summary import Outcome
 
 
 def harvested(**changes: object) -> Outcome:
-    """Return the summary of a harvest of five rows that went well, with some figures changed."""
+    """Return the summary of a harvest of five rows that went well, with some figures changed.
+
+    The figures are those of one run of the default orchard. Tests look for them in the words, or
+    put other ones in their place.
+    """
     figures = dict(
         hash="0" * 64,
         ticks=9698,

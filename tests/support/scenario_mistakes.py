@@ -1,4 +1,4 @@
-"""What is said of a scenario text that is none."""
+"""The messages with which the reader of scenarios refuses a faulty text, for tests of these."""
 
 import pytest
 
@@ -14,5 +14,6 @@ def refused(text: str) -> list[str]:
 
 
 def refusal(text: str) -> str:
+    """Return the only problem of a scenario text, as `refused` has it."""
     (line,) = refused(text)
     return line

@@ -12,7 +12,7 @@ from patience import PATIENCE
 def shell(line: str, folder: Path) -> tuple[int, str]:
     """Run a line in which `orchard` is the program, in a folder.
 
-    Return its exit code, and stderr.
+    Return its exit code, and stderr. An error of Python or of Rust (Zenoh, Rerun) must not be seen.
     """
     program = shlex.join([sys.executable, str(ROOT / "run.py")])
     done = subprocess.run(

@@ -49,11 +49,12 @@ class SimulatedFleet(Fleet):
     def __init__(self, folder: Path, stack: ExitStack) -> None:
         super().__init__(folder, stack)
         self.scheduler = Scheduler()
-        # Schedules have senders pause, to kill them between two messages. These tests do not.
+        # The schedules of faults in chaos/ let senders pause, to kill them between two messages.
+        # These tests do not.
         self.network = Network(self.scheduler, "fleet", Delays(), pauses=0.0)
         # The processes, with their disk, and what they log and print.
         self.simulated_world = World(self.scheduler, self.network, Random("fleet"), folder)
-        # Of the processes that were started.
+        # How many processes were started.
         self._count = 0
         stack.callback(self._kill_all)
 
@@ -90,6 +91,8 @@ class SimulatedFleet(Fleet):
 
 
 class Process:
+    """A simulated process, with the methods of `fleet.Process`."""
+
     def __init__(self, fleet: SimulatedFleet, process: SimulatedProcess) -> None:
         self._fleet = fleet
         self._process = process
@@ -159,6 +162,8 @@ class Heard:
 
 
 class Token:
+    """A liveliness token, with the method of Zenoh's."""
+
     def __init__(self, bus: SimulatedBus, key: str) -> None:
         self._bus = bus
         self._key = key
@@ -169,6 +174,8 @@ class Token:
 
 
 class Client(AnyClient):
+    """A client on the simulated network, with the methods of `fleet.Client`."""
+
     def __init__(self, fleet: SimulatedFleet) -> None:
         self._fleet = fleet
         self.run = fleet.run
@@ -215,6 +222,7 @@ class Client(AnyClient):
     def ask(self, key: str, payload: bytes = b"") -> list:
         self._replies = []
         self._is_final = False
+        # The bus gives up after 20 s of virtual time, before the wait of the test does.
         self.bus.ask(key, payload, None, 20.0)
         assert self._fleet.wait(lambda: self._is_final)
         return [reply.error or msgpack.unpackb(reply.payload) for reply in self._replies]

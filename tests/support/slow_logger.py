@@ -1,5 +1,5 @@
-"""A logger whose recorder takes a fifth of a second for each picture, and 20 of them wait at most:
-`python -m slow_logger ...`.
+"""A logger whose recorder is slower than the run: it takes `SECONDS` for each picture, and at most
+`MOST` pictures wait for it. tests/record/test_logger.py starts it: `python -m slow_logger ...`.
 """
 
 import sys
@@ -11,18 +11,23 @@ from orchard.record import logger as recording
 from orchard.record.logger import FrameQueue
 from orchard.view.recorder import Recorder
 
-SECONDS = 0.2  # a picture
+# s of wall time for each picture. A run that nothing holds up makes pictures faster.
+SECONDS = 0.2
+# Pictures that wait at most. A real logger lets more wait, and a test would have to be longer.
 MOST = 20
 QUEUE = FrameQueue(MOST)
 
 
 class SlowRecorder(Recorder):
+    """A recorder that pauses after each picture."""
+
     def tick(self, frame: Frame) -> None:
         super().tick(frame)
         time.sleep(SECONDS)
 
 
 if __name__ == "__main__":
+    # The module `orchard.record.logger` makes both by these names.
     recording.Recorder = SlowRecorder  # type: ignore[attr-defined]
     recording.FrameQueue = lambda: QUEUE
     sys.exit(logger.main())

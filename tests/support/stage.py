@@ -89,6 +89,7 @@ class Stage:
 
     @property
     def seconds(self) -> float:
+        """The time since the start, simulated s. A tick is 0.1 s."""
         return self.world.tick / 10
 
     def put(self, name: str, x: float, y: float, heading: str = "EAST") -> None:
@@ -103,7 +104,7 @@ class Stage:
         self.world.pose[i] = x, y, HEADINGS[heading]
 
     def give(self, name: str, steps: list, **memory) -> None:
-        """Replace the plan of an agent, and what else it remembers."""
+        """Replace the plan of an agent. `memory`: other fields of its memory, by name."""
         agent = self.local.agents[name]
         self.local.engine.wake([name])
         self.local.memories[name] = agent.Memory(plan=list(steps), **memory)
@@ -144,11 +145,12 @@ class Stage:
 
     def who_is_where(self) -> str:
         """Return a line for each agent: where it is, what it does, and for what it waits."""
-        lines = [
-            f"{n} at {tuple(self.pose(n))}: {a.doing}, waits for {a.waits_for or 'nothing'}"
-            for n, a in self.local.actions.items()
-            if n in self.world.index
-        ]
+        lines = []
+        for name, action in self.local.actions.items():
+            # The desks for traffic and dispatch have no body.
+            if name in self.world.index:
+                cause = action.waits_for or "nothing"
+                lines.append(f"{name} at {self.pose(name)}: {action.doing}, waits for {cause}")
         return "\n".join(["", *lines])
 
     # -- queries
@@ -170,7 +172,7 @@ class Stage:
         return self.local.actions[name].doing
 
     def happened(self, what: str, who: str = "") -> list[Event]:
-        """Return the events of a kind, of all bodies or of one."""
+        """Return the events of a kind, of one body; "": of all bodies."""
         return [event for event in self.events if event.what == what and who in ("", event.who)]
 
     # -- assertions

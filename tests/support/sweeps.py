@@ -1,8 +1,10 @@
-"""What robots sweep where rows end: each turn, drive and stand there as boxes, with what says
-whether another robot may be there at the same time.
+"""What robots sweep where rows end: each turn, drive and stand there as boxes. tests/plans uses it
+to show that no two robots collide there.
 
-Two robots may be there together unless they hold a place together, or the order of their work
-keeps one until the other one is gone. Then what they sweep must be apart.
+`collisions` looks at each pair of sweeps. `may_be_together` says whether two can happen at the same
+time. They cannot if both robots would hold the same place of the roads, or if the order of their
+work keeps one away until the other one is gone. All other pairs must be apart. Stages are those of
+`walks`; a job is the work of a carrier for one bin.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,14 +18,18 @@ from orchard.field.layout import Layout
 from orchard.plans.robot import Step
 from orchard.plans.steps import Alone, Deliver, DriveTo, Face, FetchEmpty, LeaveBin, TakeBin
 
-# rad between two poses of a turn: between them a corner lies at most 1 mm further out.
+# rad between two poses of a turn: 3 degrees. The furthest corner, that of the bin behind a picker,
+# is 2.8 m from the middle of the turn. Between two poses it is at most
+# 2.8 m * (1 - cos 1.5 degrees) = 1 mm further out.
 STEP = np.pi / 60
 # m: what is nearer counts as a collision.
 LEAST_GAP = 0.01
-# m further north, spacing changes nothing.
+# Sweeps that lie wholly north of y = 14 m, in the queue and the bay, are left out: they are the
+# same in all orchards, however far rows are from each other.
 NORTH = 14.0
 
 
+# The heading of a drive, and the coordinate of the road across it, m.
 Road = tuple[str, float]
 
 
@@ -31,22 +37,23 @@ Road = tuple[str, float]
 class Sweep:
     """What a robot, or a bin that is left, covers while it stands, drives or turns."""
 
-    # 'stand', 'drive', 'turn', or 'bin' of one that is left.
+    # 'stand', 'drive' or 'turn' of a robot, or 'bin': a bin that it has left.
     what: str
     robot: str
-    # For which a carrier works; a picker itself.
+    # The picker for which a carrier works; a picker itself.
     picker: str
     stage: int
+    # The places that the robot holds; none for a bin.
     places: frozenset[str]
-    # Places that it shares with no partner.
+    # The places of these that it shares with no carrier of its own.
     alone: frozenset[str]
-    # Whether the empty bin is handed over.
+    # Whether the carrier has handed its empty bin over, and the picker has taken it.
     has_swapped: bool
     # Whether a carrier has coupled the full bin.
     has_bin: bool
     row: int
     heading: str
-    # The road that a carrier is on, and the one before: its heading, and its coordinate, m.
+    # The road that a carrier is on, and the one before.
     roads: frozenset[Road]
     # x and y where it begins, m.
     line: tuple[float, float]
@@ -92,6 +99,7 @@ class SweepingWalk(Walk):
                 self.has_swapped = False
 
     def note(self, what: str, boxes: np.ndarray, end: tuple[float, float] | None = None) -> None:
+        """Note a sweep of the robot, or of the bin that it leaves. `end`: None if it stays here."""
         self.sweeps.append(
             Sweep(
                 what=what,
@@ -115,10 +123,12 @@ class SweepingWalk(Walk):
         """Return the boxes of the robot and of its bin: metres ahead, half length, half width."""
         bodies = [(0.0, self.kind.length / 2, self.kind.width / 2)]
         if self.tows:
+            # A bin is a square of 1 m.
             bodies.append((-self.kind.tows, 0.5, 0.5))
         return bodies
 
     def at_yaw(self, yaw: float) -> list[tuple[float, ...]]:
+        """Return the boxes of the robot and its bin if it faces this way here."""
         return [
             (self.x + ahead * np.cos(yaw), self.y + ahead * np.sin(yaw), length, width, yaw)
             for ahead, length, width in self.bodies()
@@ -165,6 +175,8 @@ class SweepingWalk(Walk):
                 )
             )
         road = (self.heading, round(y if step.x is not None else x, 6))
+        # On these roads its laser keeps a carrier behind the one ahead of it (`_follow`). A carrier
+        # that does not stop for all it sees is kept behind nothing.
         if length and not step.blind_to and road not in self.roads:
             self.roads = [*self.roads[-1:], road]
         self.note("drive", np.array(boxes), (x, y))
@@ -174,7 +186,7 @@ class SweepingWalk(Walk):
 
 
 def sweeps_at_rows(layout: Layout) -> list[Sweep]:
-    """Return what is swept near the rows, each thing once."""
+    """Return what is swept near the rows. Of equal sweeps, one is returned."""
     sweeps = {}
     for walk in walks_of(layout, SweepingWalk):
         assert isinstance(walk, SweepingWalk)
@@ -197,9 +209,9 @@ def collisions(layout: Layout) -> list[tuple[Sweep, Sweep]]:
 
 
 def _near(reach: np.ndarray) -> Iterator[tuple[int, int]]:
-    """Return the pairs whose bounds meet, i before j.
+    """Yield the pairs (i, j) of sweeps whose bounds meet, with i < j.
 
-    `reach`: (n, 4), least and greatest x and y, m.
+    `reach`: (n, 4), of each sweep least x, greatest x, least y and greatest y, m.
     """
     for i in range(len(reach)):
         rest = reach[i + 1 :]
@@ -223,7 +235,12 @@ def bounds(boxes: np.ndarray) -> tuple[float, float, float, float]:
 
 
 def are_apart(some: np.ndarray, others: np.ndarray) -> bool:
-    """Whether each box is further than LEAST_GAP from each other one, along a side of one."""
+    """Whether each box of one sweep is further than LEAST_GAP from each box of another sweep.
+
+    Two boxes are apart if a line along a side of one of them separates them. `some`: (n, 5),
+    `others`: (m, 5), as `Sweep.boxes`.
+    """
+    # (n, m): of each pair, whether a line was found, where the second box is, and how it is turned.
     apart = np.zeros((len(some), len(others)), bool)
     dx = others[None, :, 0] - some[:, None, 0]
     dy = others[None, :, 1] - some[:, None, 1]
@@ -242,10 +259,15 @@ def are_apart(some: np.ndarray, others: np.ndarray) -> bool:
 
 
 def may_be_together(one: Sweep, other: Sweep) -> bool:
+    """Whether two sweeps can happen at the same time: see the head of this module."""
+    # A robot is at one place at a time.
     if one.robot == other.robot and "bin" not in (one.what, other.what):
         return False
+    # Two bins that stand were put there by pickers, which are tested. And no carrier meets the one
+    # that it follows.
     if one.what == other.what == "bin" or _follow(one, other):
         return False
+    # Robots of different pickers are kept apart by places alone.
     if one.picker != other.picker:
         return not one.places & other.places
     if one.is_picker and other.is_picker:
@@ -253,8 +275,11 @@ def may_be_together(one: Sweep, other: Sweep) -> bool:
     if not one.is_picker and not other.is_picker:
         return not one.places & other.places
     picker, job = (one, other) if one.is_picker else (other, one)
+    # The bin of a job is left in the stage before, and stands until the carrier has coupled it.
     if picker.what == "bin":
         return not job.has_bin and picker.stage == job.stage - 1
+    # The carrier comes to the row's end only when the picker has left its bin, and has gone before
+    # the picker picks in the same row again (in an even stage).
     is_back = picker.stage > job.stage and picker.row == job.row and picker.stage % 2 == 0
     if picker.stage < job.stage or is_back or not _is_in_time(picker, job):
         return False
@@ -295,4 +320,5 @@ def _follow(behind: Sweep, ahead: Sweep) -> bool:
 
 
 def in_words(pairs: Sequence[tuple[Sweep, Sweep]], most: int = 12) -> str:
+    """Return a line for each of the first pairs, for the message of a test that fails."""
     return "\n".join(f"{one} | {other}" for one, other in pairs[:most])

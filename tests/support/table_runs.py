@@ -1,4 +1,4 @@
-"""Tables of runs in this process."""
+"""Tables (Parquet files) of runs in this process, and what stands in them."""
 
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from orchard.local import Local
 from orchard.tables.columns import BODIES, CALLS, EVENTS, EXCHANGES, MESSAGES
 from orchard.tables.tables import Tables
 
+# File name without its ending -> columns, of each table that a run writes.
 ALL = {
     "bodies": BODIES,
     "events": EVENTS,
@@ -22,11 +23,12 @@ ALL = {
 def tick(local: Local, tables: Tables) -> None:
     """Let a run do a tick, and write its rows."""
     events = local.tick()
+    # The tick is over, and the engine counts the next one: the letters are of the one before.
     tables.update(local.engine, events, local.post.written.get(local.engine.tick - 1, {}))
 
 
 def run(local: Local, folder: Path, ticks: int) -> Tables:
-    """Let a run go on until a tick. Return its tables, which are open."""
+    """Let a run go on until a tick. Return its tables: the caller closes them."""
     tables = Tables(folder, local.engine)
     while local.engine.tick < ticks:
         tick(local, tables)
@@ -39,6 +41,6 @@ def read(folder: Path) -> dict[str, pa.Table]:
 
 
 def rows_of(folder: Path, name: str, body: str = "") -> list[dict[str, Any]]:
-    """Return the rows of a table, of all bodies or of one."""
+    """Return the rows of a table, of one body; '': of all bodies."""
     rows = pq.read_table(folder / f"{name}.parquet").to_pylist()
     return [row for row in rows if not body or row["name"] == body]

@@ -1,5 +1,7 @@
-"""Agents that are not repeatable, each in one way, and some that are although they look as if they
-were not.
+"""Agents whose actions do not follow from what they are given, each for another reason; and two
+that are repeatable although they look as if they were not.
+
+tests/contract/test_check_agents.py uses them: the check asks an agent twice, and compares.
 """
 
 import random
@@ -12,10 +14,13 @@ from orchard.behaviour.picker import Picker
 from orchard.contract.agent import Action
 from orchard.field.geometry import Twist
 
+# What agents of this module share, as a module variable of a user's own.
 SHARED = {"count": 0}
 
 
 class Driver:
+    """Drives ahead at `speed`, m/s, which the classes below replace."""
+
     Memory = dict
 
     def __init__(self, layout, name):
@@ -30,6 +35,7 @@ class Driver:
 
 
 def drives(speed) -> type[Driver]:
+    """Return a class of drivers. `speed`: its method, which returns m/s."""
     return type("Drives", (Driver,), {"speed": speed})
 
 
@@ -39,6 +45,8 @@ Unseeded = drives(lambda self, observation: float(np.random.default_rng().unifor
 
 
 class Counting(Driver):
+    """Counts in an attribute, which is lost when the agent is made anew."""
+
     def speed(self, observation):
         self.count += 1
         return 0.01 * self.count
@@ -54,6 +62,8 @@ class Latch(Driver):
 
 
 class Shared(Driver):
+    """Counts in a variable of its module."""
+
     def speed(self, observation):
         SHARED["count"] += 1
         return 0.01 * SHARED["count"]
@@ -68,6 +78,8 @@ class Diary(Driver):
 
 
 class Tired(Driver):
+    """Raises an error each second time that it is asked."""
+
     def speed(self, observation):
         SHARED["count"] += 1
         if SHARED["count"] % 2 == 0:

@@ -1,6 +1,8 @@
-"""What tests share; helpers (`stage`, `fleet`) are imported by name.
+"""What all tests share: settings of pytest and hypothesis, and fixtures.
 
-Whatever test runs an orchard, its invariants hold at every tick.
+Helpers stand in tests/support, which is put on Python's path here: tests import them by name, as
+`from stage import Stage`. Whatever test runs an orchard in this process, its invariants
+(`orchard/sim/invariants.py`) must hold at every tick.
 """
 
 import gc
@@ -21,7 +23,7 @@ from orchard.sim.engine import Engine
 from orchard.sim.kernels.cache import are_compiled
 
 sys.path.insert(0, str(Path(__file__).parent / "support"))
-# Hundreds of processes follow.
+# The tests start hundreds of processes, which inherit this. What the environment has already stays.
 os.environ |= QUICK_START | os.environ
 
 import calling_agents
@@ -44,15 +46,20 @@ settings.load_profile("repeatable")
 def pytest_configure(config: pytest.Config) -> None:
     """Compile the kernels once, before several workers and hundreds of processes do it."""
     collect_seldom()
-    if not hasattr(config, "workerinput") and not are_compiled():
+    # The workers of pytest-xdist have `workerinput`; the process that starts them has not.
+    is_worker = hasattr(config, "workerinput")
+    if not is_worker and not are_compiled():
         Engine.begin(Scenario(rows=3, laser={"noise": 0.01})).rehearse()
 
 
-# Of what `-m` and `-k` have left.
+# Last: only the tests that `-m` and `-k` have left are ordered.
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Let one worker begin with the tests of the page, and the next with those that wait for
-    processes: the others compute meanwhile.
+    """Let one worker begin with the tests of the page, and the next one with those that wait for
+    processes: the other workers use the processor meanwhile.
+
+    pytest-xdist gives each worker an equal share of the list, in order. A worker that is done takes
+    tests from the end of another one's share.
     """
     of_page = list[pytest.Item]()
     waiting = list[pytest.Item]()
@@ -66,10 +73,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             waiting.append(item)
         else:
             others.append(item)
-    # The share of a worker. What is left is stolen.
-    share = len(items) // getattr(config, "workerinput", {"workercount": 1})["workercount"]
-    behind = max(0, share - len(of_page))
-    items[:] = of_page + others[:behind] + waiting + others[behind:]
+    workers = getattr(config, "workerinput", {"workercount": 1})["workercount"]
+    share = len(items) // workers
+    # The first share is filled up with other tests, so that the next one begins with `waiting`.
+    filling = max(0, share - len(of_page))
+    items[:] = of_page + others[:filling] + waiting + others[filling:]
 
 
 def pytest_collection_finish() -> None:
@@ -112,10 +120,10 @@ def fleet(tmp_path, request):
 
     They are simulated, unless the test is marked as one about processes.
     """
+    is_about_processes = request.node.get_closest_marker("processes")
+    fleet_type = Fleet if is_about_processes else SimulatedFleet
     with ExitStack() as stack:
-        yield (Fleet if request.node.get_closest_marker("processes") else SimulatedFleet)(
-            tmp_path, stack
-        )
+        yield fleet_type(tmp_path, stack)
 
 
 @pytest.fixture(scope="session")
@@ -126,7 +134,7 @@ def undisturbed():
 
 @pytest.fixture(scope="session")
 def other():
-    """Return the messages of another run of the small scenario."""
+    """Return the messages of 40 ticks of another run of the small scenario."""
     return recorded(SMALL, "other", 40)
 
 
@@ -163,6 +171,7 @@ def chromium(tmp_path_factory, downloads):
     `tests/view/test_pixels.py` looks at pictures.
     """
     with chromium_with(tmp_path_factory.mktemp("profile"), downloads) as browser:
+        # The viewer is a file of WebAssembly.
         browser.driver.execute_cdp_cmd("Network.enable", {})
         browser.driver.execute_cdp_cmd("Network.setBlockedURLs", {"urls": ["*.wasm"]})
         yield browser
@@ -181,12 +190,13 @@ def browser(chromium, server):
 
 @pytest.fixture(scope="session")
 def layout():
+    """Return the orchard whose recording tests share: 3 rows, one-way roads."""
     return lay_out(Scenario(rows=3, dispatch="nearest", **ONE_WAY))
 
 
 @pytest.fixture(scope="session")
 def harvested(layout):
-    """Return the first frames of a harvest of `layout`."""
+    """Return the first frames of a harvest of `layout`, a frame for each tick."""
     return list(frames(layout, SECONDS))
 
 

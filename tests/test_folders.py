@@ -1,5 +1,7 @@
-"""What every process rests on: a named pipe never has it wait, and it settles before its ticks
-begin.
+"""What every process rests on: how it reads files, and when Python collects its garbage.
+
+A named pipe in place of a file must be refused, for a process that opens one waits for ever. And
+`orchard.memory` keeps Python's cycle collector from what a process has made before its ticks begin.
 """
 
 import os
@@ -13,7 +15,8 @@ from patience import PATIENCE
 
 from orchard.field.problems import ScenarioError
 
-# After which a reader that waits is ended.
+# s of wall time after which a reader that waits for the pipe is interrupted, as by Ctrl-C. A reader
+# that refuses the pipe takes milliseconds.
 SECONDS = 10
 
 
@@ -29,9 +32,10 @@ def pipe(tmp_path) -> Path:
 
 @pytest.fixture
 def read(request):
-    """Return a function of a package that may be missing.
+    """Return a function, or skip the test if its package was removed.
 
-    Its import takes longer than the alarm.
+    It is a fixture, so that the import is over before the alarm of `pipe` is set: imports may take
+    longer than that.
     """
     module, name = request.param
     return getattr(pytest.importorskip(module), name)
@@ -58,6 +62,7 @@ def test_a_named_pipe_in_the_folder_of_runs_is_passed_over(read, pipe):
 
 
 def test_what_was_there_before_a_process_settled_stays():
+    """After `settle` the collector passes over older objects, and frees none that is in use."""
     program = """
 from orchard.memory import settle
 kept = [bytes([n % 256]) * 1000 for n in range(20_000)]

@@ -6,7 +6,8 @@ from stage import empty_orchard
 from orchard import Action, Local, Scenario, Snapshot
 from orchard.contract.messages import pack, unpack
 
-# The battery lasts for 3 min, and carriers use it while they stand: both stand flat in the rows.
+# Two carriers whose batteries last 0.05 h = 3 min, also while they stand. Both stop at the rows
+# with a flat battery, and no carrier fetches a bin any more: the run jams.
 FLAT = {
     "pickers": 3,
     "carriers": 2,
@@ -35,6 +36,7 @@ def test_a_resumed_run_tells_the_truth_before_its_next_tick():
 
 
 def test_a_jam_ends_a_run_as_the_command_ends_it(soon_jammed):
+    """So does a run that is resumed from its snapshot; a fork with something changed goes on."""
     run = Local(empty_orchard(**FLAT))
     while not run.ended:
         assert run.engine.tick < 10_000
@@ -50,6 +52,10 @@ def test_a_jam_ends_a_run_as_the_command_ends_it(soon_jammed):
 
 
 def test_a_loop_until_the_harvest_ends_after_a_jam_with_words(soon_jammed):
+    """The loop asks whether the harvest is over, and never whether the run has ended.
+
+    `tick` refuses to go on after twice the time that counts as a jam: 2 * 120 s with `soon_jammed`.
+    """
     run = Local(empty_orchard(**FLAT))
 
     def run_to_the_end():
@@ -65,10 +71,11 @@ def test_a_loop_until_the_harvest_ends_after_a_jam_with_words(soon_jammed):
     assert "while not run.ended" in words
     before = run.engine.tick
     run.act(run.ask())
-    assert run.engine.tick == before + 1, "who wants to goes on"
+    assert run.engine.tick == before + 1, "`act` and `ask` still go on"
 
 
 def test_a_harvested_run_goes_on_as_long_as_one_wants(soon_jammed):
+    """For 2,500 ticks nothing is picked or fetched: more than twice the 120 s of a jam."""
     run = Local(empty_orchard(pickers=3, carriers=2, row_length=30.0))
     while not run.ended:
         assert run.engine.tick < 10_000

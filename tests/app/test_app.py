@@ -1,4 +1,7 @@
-"""The page's form as a person fills it in, with a real server and headless Chromium."""
+"""The page's form as a person fills it in, with a real server and headless Chromium.
+
+The fixture `browser` (tests/conftest.py) shows the default orchard: 5 rows, so 6 lines of trees.
+"""
 
 from page_server import skip_without_packages
 
@@ -12,6 +15,9 @@ def test_a_new_page_says_what_to_do_first(browser):
 
 
 def test_the_plan_and_the_figures_follow_every_change(browser):
+    """Each line has 12 trees. For 8 pickers there are 6 carriers, 7 for every 10, and each of these
+    14 robots has a bin.
+    """
     browser.wait_until(lambda: browser.figure("Trees") == "72", "trees")
     browser.fill("rows", 8)
     browser.wait_until(lambda: browser.tree_lines() == 9, "a plan of 8 rows")
@@ -32,7 +38,7 @@ def test_a_preset_can_be_undone(browser):
     browser.fill("row_length", "9O")
     browser.wait_until(lambda: browser.problem("row_length"), "an invalid value")
     browser.click("[data-preset=hand_picking]")
-    browser.wait_until(lambda: browser.tree_lines() == 27, "the preset")
+    browser.wait_until(lambda: browser.tree_lines() == 27, "the preset, of 26 rows")
     browser.reload()
     browser.press("undo")
     browser.wait_until(
@@ -46,6 +52,7 @@ def test_a_preset_can_be_undone(browser):
 
 
 def test_a_slider_moves_its_field(browser):
+    """A click hits the middle of the slider of the rows, which goes from 3 to 100."""
     browser.one(".field .q-slider").click()
     rows = browser.field("rows")
     browser.wait_until(lambda: rows.get_attribute("value") in ("51", "52"), "rows in the middle")

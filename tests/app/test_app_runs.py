@@ -21,7 +21,7 @@ skip_without_packages()
 
 @pytest.fixture
 def small(browser):
-    """Return a small orchard with this policy."""
+    """Enter a small orchard, to be run in local mode at eight times real time to its end."""
     browser.fill("rows", 3)
     browser.wait_until(lambda: browser.tree_lines() == 4, "a plan of 3 rows")
     browser.choose("mode", "local")
@@ -161,6 +161,7 @@ def test_a_file_with_own_classes_is_changed_saved_and_run(small, server, downloa
     assert load(small.saved(downloads)) == wanted
     assert load(run_to_its_end(small, server[1], "cut short")) == wanted
     summary = all_figures(small)
+    # 30 s are 300 ticks.
     assert local_hash(wanted, 300) in summary, "Eastward drove"
     small.press("drop-classes")
     small.wait_until(lambda: not small.view("classes").is_displayed(), "ours drive again")
@@ -359,7 +360,7 @@ def test_a_run_goes_on_from_a_moment_with_a_change(small, parent, server):
 
 
 def two_pictures(page):
-    """Return the addresses of both pictures of a comparison, None before both are there."""
+    """Return the addresses of both pictures of a comparison; None until both are there."""
     urls = [
         frame.get_attribute("src")
         for frame in page.view("comparison").find_elements("tag name", "iframe")

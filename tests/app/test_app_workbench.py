@@ -22,7 +22,7 @@ skip_without_packages()
 
 # Width and height of the screen, pixels.
 PHONE = (390, 844)
-# Ticks of a run whose summary is shown.
+# The length of a run whose summary is shown: 30 s.
 SUMMARY_TICKS = 300
 
 
@@ -85,6 +85,7 @@ def choose(browser, title):
 
 
 def compare_two(browser):
+    """Choose the first two runs of `three_runs`, and wait until they are shown side by side."""
     choose(browser, "3 rows, 2 pickers, 2 carriers, seed 1")
     browser.wait_until(
         lambda: "seed 1" in browser.view("comparison").text, "the first one is shown"
@@ -243,9 +244,10 @@ def test_on_a_phone_run_is_first_and_nothing_is_too_wide(listed):
 
 
 def violations(browser):
-    """Return what axe finds once the page moves no more, but in the viewer, which is Rerun's own.
+    """Return a line for each thing that axe finds wrong with the page, once the page is at rest.
 
-    The package of axe is imported here, because it may be missing.
+    Frames are left out, for Rerun's viewer is in one. The package of axe is imported here, because
+    it may be missing.
     """
     from axe_core_python.selenium import Axe
 
@@ -324,6 +326,7 @@ EMPTY = {"people.workers": 0, "people.visitors": 0, "animals.dogs": 0, "animals.
 
 
 def wait_for_study(page, state, seconds=PATIENCE):
+    """Wait until the study has this state, such as "finished"."""
     page.wait_until(
         lambda: page.view("study-state").text.lower() == state, f"the study is {state}", seconds
     )

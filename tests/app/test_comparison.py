@@ -10,6 +10,8 @@ from orchard.app.command import RunState
 from orchard.app.harvest_run import HarvestCommand
 from orchard.app.past_runs import compared, past_runs
 
+# Summaries of runs: of a whole harvest of 400 s by 2 pickers and 1 carrier, and what differs in one
+# that was cut at 240 s. A history has a sample at each of its `seconds`.
 HISTORY = {
     "seconds": [100.0, 200.0, 400.0],
     "bins_delivered": [1, 2, 6],
@@ -60,7 +62,11 @@ def runs(tmp_path):
 
 
 def test_a_whole_run_and_a_cut_one_are_compared_at_one_moment(runs):
-    """At its end the whole one would have more of all."""
+    """The whole run is compared at the 240 s of the other one; at its end it has more of all.
+
+    Both then have 2 bins: 30 an hour. By their last sample before, 2 pickers have waited for 40 s,
+    8 % of 2 x 240 s, and the carrier was busy for 150 s, 62 % of 240 s.
+    """
     comparison = compared(runs(a_whole={}, b_cut=CUT))
     assert comparison.words == "All are compared at 4:00 min, when the first of them ended."
     whole, cut = comparison.figures
@@ -89,6 +95,8 @@ def test_how_each_run_ended_is_said(runs):
 
 
 def test_a_run_that_was_cut_is_not_finished():
+    """Its process ends with exit code 0 in both cases: the summary decides."""
+    # A command without its process: `__init__` would start one.
     run = HarvestCommand.__new__(HarvestCommand)
     run._listener = Thread()
     run._process = SimpleNamespace(returncode=0)

@@ -33,12 +33,13 @@ def day(draft):
 
 
 def test_a_day_is_entered_as_people_write_it(day):
+    """From 7:00 to 16:30 are 9.5 h, of which the breaks take 15 and 45 minutes."""
     assert day.problems == {}
     shift = day.scenario.shift
     assert shift.begin == "07:00"
     assert shift.end == "16:30"
     assert shift.breaks == BREAKS
-    assert shift.work_seconds == 8.5 * 3600.0
+    assert shift.work_seconds == (9.5 - 1.0) * 3600.0
 
 
 def test_a_day_is_shown_as_it_was_entered(day):
@@ -60,6 +61,7 @@ def test_no_breaks_is_an_empty_field(day):
     assert day.scenario.shift.breaks == ()
 
 
+# What is typed; the field at which a message then stands; words of it.
 WRONG = [
     (
         {"shift.begin": "7 o'clock"},
@@ -99,6 +101,7 @@ def test_a_price_of_a_day_asks_for_a_day(draft):
     assert draft.problems == {}
 
 
+# Deadlines: 7.5 hours of work, and the end of the second day.
 HOURS = StudySettings(deadline="7,5")
 DAYS = StudySettings(deadline="2", deadline_unit="d")
 
@@ -109,10 +112,12 @@ DAYS = StudySettings(deadline="2", deadline_unit="d")
 )
 def test_a_deadline_opens_pickers_and_carriers(tmp_path, settings, option):
     command_line = study_command(settings, Files(tmp_path, "study"))
+    # After the word `study` and the scenario's file.
     words = command_line[command_line.index("study") + 2 : command_line.index("--budget")]
     assert words == ["--vary", "carriers", "--vary", "pickers", *option]
 
 
+# What is entered as the question of a study, and words of the message.
 WRONG_DEADLINES = [
     ({"deadline": "soon"}, "Done within: must be a number from 0.1 to 10000 hours"),
     ({"deadline": "0"}, "Done within: must be a number"),
@@ -136,6 +141,7 @@ def test_days_need_a_day(day):
 
 
 def test_the_fleet_and_its_time_are_shown_large():
+    """The answer is split where its headline ends: at the first ", "."""
     answer = "7 pickers and 3 carriers finish in 7:41 ± 0:08 h, 19 of 20 harvests within 8 h. A: b."
     assert answer_in_two(answer, ", ") == (
         "7 pickers and 3 carriers finish in 7:41 ± 0:08 h",

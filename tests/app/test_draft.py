@@ -1,4 +1,8 @@
-"""The draft of a scenario that the page's form holds, without a browser."""
+"""The draft of a scenario, without a browser.
+
+A draft is what the page's form holds: values as they are typed, and the scenario that they make. It
+has no scenario while it has problems, each at its field.
+"""
 
 from copy import copy
 
@@ -23,6 +27,7 @@ def test_limits_and_steps_come_from_the_schema():
     assert rows.step == 1
     assert rows.limits == "3 to 100"
 
+    # A slider has a hundred steps where the value is no whole number.
     noise = entries()["laser.noise"]
     assert noise.step == 0.0002
     assert noise.limits == "0 to 0.02 m"
@@ -41,7 +46,8 @@ def test_labels_are_words_of_a_reader():
 
 # What is typed as the spacing of rows, and words of the message.
 NO_NUMBERS = {"abc": "from 3.65 to 12.5", "": "number", "1e999": "to 12.5"}
-# What is typed in each field, and words of the message at each field that then has one.
+# What is typed in some fields, one after the other; field -> words of the message that then stands
+# there.
 WRONG_FIELDS = [
     ({"rows": 101.0}, {"rows": "from 3 to 100"}),
     ({"rows": 5.5}, {"rows": "a whole number"}),

@@ -2,9 +2,10 @@
 
 import pytest
 
-from orchard.app.estimate import MOST_HARVESTS, FastHarvest, FleetEstimate, harvest
+from orchard.app.estimate import MOST_HARVESTS, SURE, FastHarvest, FleetEstimate, harvest
 from orchard.field.scenario import Scenario
 
+# An orchard whose harvests differ only by what robots meet, and one whose picking times are random.
 EVEN = Scenario(rows=3, carriers=1)
 SPREAD = Scenario(
     rows=3, carriers=2, picking_speed=0.2, picking={"spread": {"distribution": "gamma"}}
@@ -25,22 +26,24 @@ def test_harvests_that_are_nearly_the_same_need_few():
     assert not estimate.is_done
     estimate.samples.append(FastHarvest(bins_per_hour=9.01, seconds=100.0))
     assert estimate.is_done
-    assert 0.0 < estimate.unsure < 0.005
+    assert 0.0 < estimate.unsure < SURE
 
 
 def test_what_is_unsure_shrinks_with_each_harvest():
     estimate = FleetEstimate(SPREAD)
-    seen = []
+    # After each harvest, as a share of the mean.
+    unsure = []
     for number in range(12):
         estimate.samples.append(harvest(SPREAD, number))
-        seen.append(estimate.unsure)
-    assert seen[0] == 1.0, "one harvest tells nothing of the spread"
-    assert seen[11] < seen[3] < 1.0
+        unsure.append(estimate.unsure)
+    assert unsure[0] == 1.0, "one harvest tells nothing of the spread"
+    assert unsure[11] < unsure[3] < 1.0
     assert "12 harvests, 95% sure of the mean" in estimate.words()
     assert not estimate.is_done
 
 
 def test_an_estimate_comes_to_an_end():
+    """Harvests that stay unlike never make the mean sure enough, so their number has a limit."""
     unlike = []
     for number in range(MOST_HARVESTS):
         unlike.append(FastHarvest(bins_per_hour=9.0 + number % 2, seconds=100.0))

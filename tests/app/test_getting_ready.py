@@ -5,6 +5,7 @@ from orchard.sim.kernels.cache import COMPILING
 
 
 def test_the_first_run_of_a_machine_says_what_is_compiled():
+    """Of the lines that the run has printed, the first and the newest are shown."""
     lines = [COMPILING, "getting ready: 0:10 so far", "getting ready: 0:20 so far"]
     words = getting_ready_words(lines, 17)
     assert words == f"starting: {COMPILING}; getting ready: 0:20 so far; 17 parts are compiled"

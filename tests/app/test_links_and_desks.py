@@ -1,4 +1,8 @@
-"""Links to the page, and the desk that keeps what a browser has entered."""
+"""Links to the page, and desks.
+
+A link has the values of a scenario that differ from the default, as `/?rows=7`. A desk keeps on the
+server what one browser has entered; `MOST` desks are kept.
+"""
 
 import sys
 from copy import copy
@@ -24,6 +28,7 @@ def test_a_link_chooses_a_built_in_rule_and_runs_no_class():
 
 
 def test_a_link_is_checked_once_however_long_it_is(monkeypatch):
+    """A check of a scenario takes time, so a long link must not have one for each value."""
     checks = []
 
     def counted_check(base, **values):
@@ -95,6 +100,7 @@ def test_a_desk_is_kept_once_its_browser_shows_the_page():
         desks.of(f"request {number}").draft.enter({"rows": "7"})
     assert desks.of("user") is entered
     assert desks.of("request 0").draft.scenario == Scenario(), "a request leaves nothing"
+    # With that of the user there are now as many desks as are kept; a new one drops another.
     for number in range(MOST - 1):
         desks.keep(str(number), desks.of(str(number)))
     desks.keep("user", desks.of("user"))

@@ -35,6 +35,7 @@ def upload(monkeypatch):
     """
     complaint = []
     monkeypatch.setattr("orchard.app.page.complain", lambda title, lines: complaint.extend(lines))
+    # A page without its elements: `__init__` would need a browser.
     page = Page.__new__(Page)
     page._upload = SimpleNamespace(reset=lambda: None)
 
@@ -81,6 +82,7 @@ def test_the_name_of_a_file_is_shown_short_and_harmless(upload):
 
 
 def test_of_many_mistakes_in_a_file_some_are_named(upload):
+    """The first 50 are, and a line says how many more there are."""
     unknown_keys = "".join(f"k{number}: 1\n" for number in range(200))
     lines, _ = upload("orchard.yaml", unknown_keys.encode())
     assert len(lines) == 51

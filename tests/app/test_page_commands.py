@@ -6,7 +6,7 @@ from orchard.app.command import Files, fresh_files
 from orchard.app.harvest_run import RunSettings, command
 from orchard.app.study_run import StudySettings, study_command
 
-# Settings of mode, speed and duration, and words of the message at each field that has one.
+# Settings of mode, speed and duration as they are typed; field -> words of the message there.
 WRONG_PACES = [
     (RunSettings("lockstep", "max"), {"speed": "from 0.1 to 1000"}),
     (RunSettings("realtime", "max"), {"speed": "it cannot be max"}),
@@ -47,15 +47,17 @@ def test_what_is_wrong_with_a_pace_is_told_at_its_field(pace, words):
     ],
 )
 def test_a_pace_becomes_options_of_run_py(tmp_path, pace, options):
-    """As fast as it goes is `--speed max`, but in realtime; an empty duration is no option."""
-    words = command(pace, Files(tmp_path, "run"), 9090)
+    """As fast as it goes is `--speed max`. In realtime that does not apply, and the speed counts.
+    An empty duration is no option.
+    """
+    words = command(pace, Files(tmp_path, "run"), web_port=9090)
     for option in ("--mode", "--speed", "--duration"):
         value = words[words.index(option) + 1] if option in words else None
         assert value == options.get(option)
 
 
 def test_two_runs_of_a_second_have_files_of_their_own(tmp_path):
-    """The name of a file has the time to a second."""
+    """The name of a file has the time to a second, so more than that must tell them apart."""
     assert len({fresh_files(tmp_path, "harvest").scenario for _ in range(5)}) == 5
 
 

@@ -42,6 +42,7 @@ SUMMARY = {
 
 
 def test_only_what_differs_between_scenarios_is_compared():
+    """Each value that differs is a line, with a column for each scenario."""
     changed = with_changes(
         Scenario(rows=7, agents={"picker": "a.B"}), tractor=False, **{"laser.noise": 0.01}
     )
@@ -136,6 +137,7 @@ def test_output_of_a_command_that_is_no_result_is_named(tmp_path, monkeypatch):
     assert study.is_over
     assert study.result is None
     assert study.state == "failed"
+    # The line that was printed, and the one about the file.
     assert study.output.line_count == 2
     assert "odd.json is passed over: JSON is malformed" in study.output.lines[-1]
 
@@ -144,6 +146,7 @@ def test_output_of_a_command_that_is_no_result_is_named(tmp_path, monkeypatch):
     "change", [{"sim_seconds": "many"}, {"history": 3}, {"rows": float("nan")}]
 )
 def test_a_summary_that_no_run_can_have_written_is_no_summary(tmp_path, change):
+    # A command without its process: `__init__` would start one.
     run = HarvestCommand.__new__(HarvestCommand)
     run.files = Files(tmp_path, "odd")
     run.output = PrintedLines(0, ())
@@ -155,7 +158,11 @@ def test_a_summary_that_no_run_can_have_written_is_no_summary(tmp_path, change):
 
 
 def test_the_charts_show_the_history_in_minutes_and_per_cent():
-    """In the first 10 s the two pickers wait for 0 s, in the next ones for 10 s: half of them."""
+    """Points are [minutes, value]: 10 s are 0.17 min.
+
+    In the first 10 s the two pickers wait for 0 s, in the next 10 s for 10 s of 20 s: 50 %. The two
+    carriers are busy for 20 s of 20 s, and then for 10 s.
+    """
     course = course_of(SUMMARY["history"], Scenario(rows=3, pickers=2, carriers=2))
     assert course == {
         BINS: [[0.17, 0], [0.33, 1]],

@@ -9,6 +9,8 @@ from orchard.app.link import draft_of, query_of
 from orchard.field.scenario import Scenario, other_ways
 from orchard.field.survey import row_width_of, spacing_of
 
+# What a grower types in the card: 20 rows of 90 m, 4.5 m apart; 40 t of fruit a hectare, 350 kg in
+# a bin; 6 people who fill 1.5 bins an hour each.
 GROWER = {
     "rows": "20",
     "row_length": "90",
@@ -22,6 +24,7 @@ GROWER = {
 
 @pytest.fixture
 def grower():
+    """Return the draft into which the grower has typed."""
     draft = Draft(Scenario())
     draft.enter(GROWER)
     return draft
@@ -29,6 +32,7 @@ def grower():
 
 @pytest.mark.parametrize("spacing", [3.65, 3.66, 4.5, 4.57, 5.5, 12.5])
 def test_a_spacing_is_a_width_and_the_trees(spacing):
+    """Spacing is measured from trunk to trunk, the width of a scenario between the trees."""
     assert spacing_of(row_width_of(spacing)) == pytest.approx(spacing, abs=1e-9)
     assert Scenario(row_width=row_width_of(spacing)).row_pitch == pytest.approx(spacing)
 
@@ -57,7 +61,10 @@ def test_a_link_keeps_the_width_of_the_scenario():
 
 
 def test_the_rows_of_a_grower_come_to_bins(grower):
-    """90 m x 4.5 m x 4 kg a square metre are 1620 kg, which fill 4.63 bins of 350 kg."""
+    """90 m x 4.5 m x 4 kg a square metre are 1620 kg, which fill 4.63 bins of 350 kg.
+
+    A bin is 90 m / 4.63 = 19.4 m of row, and 1.5 of them an hour are 29.2 m in 3,600 s.
+    """
     assert grower.problems == {}
     assert conversion_words(grower.scenario) == (
         "4.63 bins a row, 92.6 in all: a bin fills in 19.4 m of row."

@@ -20,6 +20,7 @@ def keyboard(browser):
 
 
 def press(page, *keys):
+    """Press keys, wherever the focus is."""
     ActionChains(page.driver).send_keys(*keys).perform()
 
 
@@ -55,7 +56,7 @@ def test_a_preset_is_undone_without_a_mouse(keyboard):
     press(keyboard, "12")
     keyboard.wait_until(lambda: keyboard.tree_lines() == 13, "a plan of 12 rows")
     keyboard.click("[data-preset=hand_picking]")
-    keyboard.wait_until(lambda: keyboard.tree_lines() == 27, "the preset")
+    keyboard.wait_until(lambda: keyboard.tree_lines() == 27, "the preset, of 26 rows")
     tab_to(keyboard, "undo")
     press(keyboard, Keys.SPACE)
     keyboard.wait_until(lambda: keyboard.tree_lines() == 13, "the user's rows")

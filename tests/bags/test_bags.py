@@ -1,4 +1,4 @@
-"""Bags of ROS 2 that are written from recordings: their bits, and what they lack."""
+"""Bags of ROS 2 that `orchard export` writes from recordings: their bits, and what they lack."""
 
 import math
 import os
@@ -22,7 +22,7 @@ from orchard.field.kinds import KINDS, LASER_RANGE
 from orchard.field.layout import lay_out
 from orchard.view.recorder import SCAN_BEAMS, hits
 
-# ns of a tick.
+# ns of a tick of 0.1 s.
 NANOSECONDS = 10**8
 ROBOTS = ["carrier_01", "picker_01", "picker_02"]
 
@@ -96,6 +96,7 @@ def test_a_bag_has_the_clock_the_frames_and_what_never_changes(exported):
 
 
 def test_the_scans_in_a_bag_are_those_of_the_recording(exported):
+    """A recording has a scan of every fifth tick, and of that every SCAN_BEAMS-th beam."""
     scans = exported["/picker_01/scan"]
     assert [tick for tick, _ in scans] == [*range(5, TICKS + 1, 5)]
     laser = KINDS["picker"].laser
@@ -113,7 +114,11 @@ def test_the_scans_in_a_bag_are_those_of_the_recording(exported):
     )
 )
 def test_ranges_come_back_from_the_points_of_a_recording(ranges):
-    """Points are rounded to a grid. From 2 m on the beams lie further apart than its cells."""
+    """A recording keeps a scan as points, rounded to a grid of 1/32 m.
+
+    From 2 m on neighbouring beams lie further apart than its cells, so each point has its own beam.
+    180 is the number of beams of a picker's laser.
+    """
     laser = KINDS["picker"].laser
     sweep = np.array(ranges, dtype=np.float32)
     points, _ = hits(sweep[None], laser, SCAN_BEAMS)
@@ -121,7 +126,7 @@ def test_ranges_come_back_from_the_points_of_a_recording(ranges):
     read_back = ranges_of(points[:, :2].astype(float), laser, SCAN_BEAMS)
     assert (np.isinf(read_back) == np.isinf(kept)).all()
     is_seen = np.isfinite(read_back)
-    # A point of a recording is right to 1/32 m.
+    # m: a cell of the grid.
     assert np.abs(read_back[is_seen] - kept[is_seen]).max(initial=0.0) < 1 / 32
 
 
@@ -142,6 +147,7 @@ def test_code_named_in_a_recording_is_not_imported(recorded, tmp_path, monkeypat
 
 
 def test_a_gap_is_told_and_is_a_gap_in_the_bag(tmp_path):
+    """Ticks 11 to 20 are in neither part of the recording."""
     record(tmp_path / "run.rrd", range(1, 11))
     record(tmp_path / "run.part2.rrd", range(21, 31), (10, 21, "the logger was away"))
     drives = read_drives(tmp_path / "run.rrd")
@@ -158,7 +164,7 @@ def test_a_torn_recording_gives_the_bag_of_what_is_left(recorded, tmp_path, capf
     (tmp_path / "run.rrd").write_bytes(whole[: len(whole) * 3 // 4])
     assert export_bag(tmp_path / "run.rrd", tmp_path / "run.mcap", [], False) == 0
     poses = len(read(tmp_path / "run.mcap")["/picker_01/odom"])
-    assert poses > 30, "three quarters of the file have more than 30 of the 41 poses"
+    assert poses > 30, "three quarters of the file have more than 30 of the TICKS + 1 poses"
     end = (poses - 1) / 10
     assert (
         f"its end is torn off, and it is repaired; it ends at {end} s; the bag lacks that, too"
@@ -203,6 +209,7 @@ def test_files_that_a_bag_must_not_replace_are_told(tmp_path, name, words):
 
 
 def test_a_bag_that_ends_with_an_error_leaves_no_file(recorded, tmp_path):
+    # It takes the place of the progress bar, through which all ticks of an export pass.
     def broken(ticks, _):
         yield next(iter(ticks))
         raise OSError("disk full")
@@ -213,6 +220,10 @@ def test_a_bag_that_ends_with_an_error_leaves_no_file(recorded, tmp_path):
 
 
 def test_the_command_writes_a_bag_and_says_what_is_in_it(recorded, tmp_path):
+    """The clock, /tf and the odometry have 41 messages each, TICKS and the start; there are 40
+    velocities; scenario, map, description and /tf_static are one each. Without --scans there are
+    none: 167 in all.
+    """
     done = orchard("export", recorded[0], "--mcap", tmp_path / "run.mcap", "--robots", "picker_01")
     assert done.stderr == ""
     assert "run.mcap: 167 messages of picker_01, 0.0 MB" in done.stdout

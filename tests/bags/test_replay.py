@@ -1,4 +1,8 @@
-"""Runs that are driven by the velocities of a bag, and bags that cannot drive one."""
+"""Runs that are driven by the velocities of a bag (`orchard replay`), and bags that cannot do so.
+
+A velocity of a bag counts from the tick of its stamp on, in place of what the robot's agent wants.
+`Commands` are the velocities of a bag: robot -> tick -> Twist.
+"""
 
 import json
 import math
@@ -86,6 +90,7 @@ def test_the_velocities_of_a_bag_count_not_the_agents(bag):
     [(9, False), (10, True), (10 + KEPT_TICKS - 1, True), (10 + KEPT_TICKS, False)],
 )
 def test_a_velocity_counts_for_half_a_second(tick, is_driven):
+    """`KEPT_TICKS` ticks; then the agent drives again."""
     local = driven(Commands(None, {"picker_01": {10: Twist(0.25)}}), tick + 1)
     assert (local.engine.world.twist[LAYOUT.index["picker_01"], 0] == 0.25) == is_driven
 
@@ -127,7 +132,7 @@ def test_the_newest_stamp_counts_where_messages_changed_places(tmp_path):
     assert commands.ticks == {"picker_01": [7, 7]}
 
 
-# The tick of a wall clock: seconds since 1970 times ten.
+# The tick of a wall clock in November 2025: seconds since 1970 times ten.
 TODAY = 17_642_900_000
 
 
@@ -194,11 +199,13 @@ def test_a_replay_says_how_many_velocities_fell_within_it(tmp_path, mode):
     done = orchard(*run, "--duration", "1.5", "--from-first-stamp")
     counts = "picker_01 15 of 20, picker_02 15 of 20"
     assert f"Velocities of {path} that fell within the run: {counts}.\n" in done.stdout
+    # 1.5 s are 15 ticks.
     expected = driven(read_commands(path, from_first_stamp=True), 15).engine.hash
     assert done.stdout.endswith(f"hash {expected}\n")
 
 
 def test_a_run_that_ends_before_the_first_velocity_has_failed():
+    """The first velocity within a run is at tick 900. A run of 901 ticks has it, one of 900 not."""
     velocities = BagVelocities(Path("run.mcap"), {"picker_01": [900, 901], "picker_02": [-1]})
     # Before a run of unknown length this raises nothing.
     velocities.check(math.inf)
@@ -212,7 +219,7 @@ def test_a_run_that_ends_before_the_first_velocity_has_failed():
     )
 
 
-# Messages of a bag: topic, robot, tick and message.
+# Messages of a bag, as `written` takes them: one that drives picker_01, and one with no number.
 MOVES = (topics.CMD_VEL, "picker_01", 3, messages.velocity("picker_01", 3, 1.0, 0.0))
 
 NAN = (topics.CMD_VEL, "picker_01", 3, messages.velocity("picker_01", 3, math.nan, 0.0))
@@ -272,6 +279,9 @@ def test_bags_that_cannot_be_used_are_refused_in_words(tmp_path, content, words)
     st.floats(0.5, 1),
 )
 def test_a_damaged_bag_is_read_or_refused_in_words(tmp_path_factory, changes, kept):
+    """`changes`: places in the file, as shares of it, and the bytes that are put there. `kept`: the
+    share of the file that is not cut off.
+    """
     path = written(tmp_path_factory.mktemp("bag") / "one.mcap", scenario('{"rows": 4}'), MOVES)
     damaged = bytearray(path.read_bytes())
     for place, byte in changes:

@@ -13,6 +13,8 @@ from orchard.plans.driving import DriveTo
 from orchard.plans.robot import Gate
 from orchard.plans.steps import MayFail
 
+# Four rows of 20 m for two pickers, which take 90 s for a row: 40 bins an hour, one in each row.
+# Absences are [from, to] in hours since the harvest began: 0.01 h are 36 s.
 CREW = empty_orchard(
     rows=4, pickers=2, carriers=2, row_length=20.0, picking_rate=40.0, bins_per_row=1.0
 )
@@ -22,6 +24,7 @@ FAILING = {"picking": {"failure": {"mean_between": 60.0, "mean_repair": 20.0}}}
 
 
 def test_a_picker_comes_when_it_is_said_and_picks_then() -> None:
+    """Until 0.05 h, 180 s, it is away. Its rows are 3 and 4."""
     stage = Stage(with_changes(CREW, **LATE))
     stage.run(179.0)
     assert stage.doing("picker_02") == "away"
@@ -32,7 +35,7 @@ def test_a_picker_comes_when_it_is_said_and_picks_then() -> None:
 
 
 def test_a_picker_that_is_ill_goes_on_where_it_stopped() -> None:
-    """It has picked for 36 s by then, and stands for 108 s."""
+    """It stops after 0.01 h, 36 s of picking, and goes on at 0.04 h, 144 s."""
     stage = Stage(with_changes(CREW, **ILL))
     stage.run(37.0)
     picked = stage.world.row_picked[0]
@@ -55,14 +58,19 @@ def test_both_models_know_who_is_away(changes: dict[str, object]) -> None:
         run.tick()
     assert run.ended == "harvested"
     fast = DiscreteHarvest(lay_out(crew)).run()
+    # 0.2 %: both models do the same, but for what robots do within a tick.
     assert fast.seconds == pytest.approx(run.engine.world.seconds, rel=0.002)
+    # And the absence costs time: half a minute at least.
     present = with_changes(crew, picker_absences={})
     assert fast.seconds > DiscreteHarvest(lay_out(present)).run().seconds + 30.0
 
 
 @pytest.mark.parametrize("begin", [0.0, 0.076, 0.102, 0.29, 0.323, 0.388, 0.427])
 def test_who_is_away_bars_no_road(begin: float) -> None:
-    """The other two are done while it is away, also if it was to leave where it turns in."""
+    """The other two are done while it is away for two hours, wherever it was at that moment.
+
+    Among these moments, in hours, are some at which it turns into a row: it must not stay there.
+    """
     crew = empty_orchard(
         rows=6, pickers=3, carriers=3, row_length=60.0, picking_rate=15.0, bins_per_row=3.0
     )
@@ -75,14 +83,18 @@ def test_who_is_away_bars_no_road(begin: float) -> None:
     assert len(deliveries) == of_all
 
 
-# s since the harvest began: long enough for each drive of these tests.
+# An absence (from, to), s since the harvest began, that is longer than each drive of these tests.
 ALWAYS = (0.0, 100.0)
 # m/s
 SPEED = 0.5
 
 
 def on_a_drive(absence: tuple[float, float], **gates: list[Gate]) -> Stage:
-    """Return a stage after 60 s, in which a carrier may leave on a drive of 20 m, from x = -35."""
+    """Return a stage after 60 s, in which a carrier may leave on a drive of 20 m, from x = -35.
+
+    `gates`: `needs` and `frees` of the drive: where it asks for places, and where it gives them
+    back. At SPEED it drives for 40 s.
+    """
     stage = Stage(empty_orchard())
     stage.put("carrier_01", -35.0, 29.0)
     drive = DriveTo(x=-15.0, speed=SPEED, **gates)
@@ -93,14 +105,20 @@ def on_a_drive(absence: tuple[float, float], **gates: list[Gate]) -> Stage:
 
 @pytest.mark.parametrize(("gate", "x"), [(-40.0, -35.0), (-33.0, -29.9)])
 def test_it_leaves_only_once_it_is_off_the_road(gate: float, x: float) -> None:
-    """It is clear of a place 3.1 m past the gate at which it gives that back."""
+    """It is clear of a place 3.1 m past the gate at which it gives that back.
+
+    A gate at x = -40 is 5 m behind its start: it leaves there. Past one at -33 it leaves at -29.9.
+    """
     stage = on_a_drive(ALWAYS, frees=[Gate(["east/D/1"], gate)])
     assert stage.doing("carrier_01") == "away"
     assert stage.pose("carrier_01")[0] == pytest.approx(x, abs=0.01)
 
 
 def test_it_does_not_leave_where_it_needs_the_road() -> None:
-    """It passes the gate after 10 s, and would leave after 15 s."""
+    """It passes the gate after 10 s, and would leave after 15 s: it drives to the end, -15 m.
+
+    Without the gate it leaves where it is after 15 s at SPEED.
+    """
     stage = on_a_drive((15.0, 100.0), needs=[Gate(["east/D/1"], -30.0)])
     assert stage.pose("carrier_01")[0] == pytest.approx(-15.0)
     stage = on_a_drive((15.0, 100.0))

@@ -17,8 +17,10 @@ from orchard.report.long_run import long_run
 from orchard.sim.lookahead import CheckedHolds, IgnoredHolds, Lookahead
 from orchard.sim.snapshot import Snapshot
 
+# It lasts 7.2 min, is charged in 2.4 min, and a carrier goes to charge with less than 80 %: so
+# carriers of a small orchard charge soon.
 BATTERY = {"hours": 0.12, "hours_to_charge": 0.04, "reserve": 0.8}
-# By then a carrier has charged.
+# 250 s: by then a carrier has charged.
 TICKS = 2500
 
 
@@ -57,7 +59,9 @@ def test_carriers_charge_after_their_job_and_share_the_charger(route, dispatch):
 
 
 def test_a_battery_is_used_outside_the_queue_and_charged_fully():
-    """A battery loses charge with time, and loses less while its carrier stands."""
+    """A battery that lasts an hour of driving loses 1/3600 a second, half as much while its carrier
+    stands, and nothing in the queue.
+    """
     stage = Stage(charging({"hours": 1.0, "standing": 0.5}, carriers=1, dispatch="nearest"))
     stage.run(3)
     assert stage.world.charge[stage.world.fixed.carriers] == 1.0, "in the queue it is off"
@@ -65,6 +69,7 @@ def test_a_battery_is_used_outside_the_queue_and_charged_fully():
     stage.world.charge[stage.world.fixed.carriers] = 0.3
     took = stage.run_until(lambda: bool(stage.happened("charging")), 400)
     before = stage.world.charge[stage.world.fixed.carriers][0]
+    # If it had only driven, and if it had only stood.
     assert 0.3 - took / 3600.0 < before < 0.3 - 0.5 * took / 3600.0
     took = stage.run_until(lambda: bool(stage.happened("charged")), 200)
     assert took == pytest.approx((1.0 - before) * 0.04 * 3600.0, abs=5.0), (
@@ -89,6 +94,9 @@ def test_a_flat_carrier_jams_the_run(soon_jammed):
 
 @pytest.mark.parametrize("holds", [Lookahead, CheckedHolds, IgnoredHolds])
 def test_a_carrier_that_goes_flat_in_its_charging_line_charges(holds):
+    """Carriers charge in a line, and drive to its head as others leave. One that goes flat on that
+    way stands, and charges there; then it drives on to the head.
+    """
     battery = {"hours": 1.0, "hours_to_charge": 0.05, "standing": 1.0, "reserve": 0.9}
     stage = Stage(charging(battery, carriers=6, route="one-way", row_length=70.0), holds=holds)
     carrier = stage.world.index["carrier_01"]
@@ -98,6 +106,7 @@ def test_a_carrier_that_goes_flat_in_its_charging_line_charges(holds):
     stage.run_until(lambda: stage.doing("carrier_01") == "charging", 400)
     west = stage.world.layout.queue.area.west
     stage.run_until(lambda: stage.pose("carrier_01")[0] > west + 0.5, 10)
+    # Enough for 0.18 s of an hour.
     stage.world.charge[carrier] = 0.00005
     stage.run_until(lambda: bool(stage.happened("flat")), 10)
     at = stage.pose("carrier_01")
@@ -119,7 +128,10 @@ def expected_hash() -> str:
 
 @cache
 def before_charging() -> Snapshot:
-    """Return a run shortly before its first carrier drives to the charger."""
+    """Return a run shortly before its first carrier drives to the charger.
+
+    `test_holds_change_nothing_when_carriers_charge` asserts that tick 1,400 is before it.
+    """
     return played(charging(), 1400).snapshot()
 
 
@@ -175,6 +187,7 @@ def test_more_chargers_deliver_more_until_they_suffice():
         rates[chargers] = long_run(layout).bins_per_hour
         bottlenecks[chargers] = bounds.bottleneck
         assert rates[chargers] <= bounds.bins_per_hour
+    # The second charger adds more than a tenth.
     assert rates[1] < 0.9 * rates[2] < rates[4]
     assert bottlenecks[1] == "chargers"
     assert bottlenecks[4] == "carriers"

@@ -1,6 +1,10 @@
-"""Bin calls: each exchange has one carrier.
+"""Calls of bins: each exchange has one carrier.
 
-A call that fails is followed by a new call, and no bin is lost.
+With the policy `nearest` a bin gets a carrier by itself, without the dispatcher (the head of
+orchard/behaviour/bin.py has the states): it sends a Call to the heads of the lines, they answer
+Offer or No, it sends Come to the nearest one, and confirms (Confirm) when that asks. Here letters
+are lost and memories forgotten at each of these moments. Then a new call follows, and no bin is
+lost.
 """
 
 import pytest
@@ -19,7 +23,7 @@ from orchard.local import Local
 
 
 class HardOfHearing:
-    """A carrier that does not hear some requests before a certain tick."""
+    """An agent that does not hear requests of some types before a tick."""
 
     def __init__(self, agent, deaf_to, until: int) -> None:
         self.agent = agent
@@ -29,15 +33,15 @@ class HardOfHearing:
 
     def tick(self, seen, mail, memory):
         if seen.tick < self.until:
-            mail = Mail(
-                [heard for heard in mail.requests if not isinstance(heard.body, self.deaf_to)],
-                mail.replies,
-            )
+            requests = [
+                heard for heard in mail.requests if not isinstance(heard.body, self.deaf_to)
+            ]
+            mail = Mail(requests, mail.replies)
         return self.agent.tick(seen, mail, memory)
 
 
 class LateAnswerer:
-    """A carrier that acts when a bin sends for it, though its answers are lost before a tick."""
+    """A carrier that comes when a bin sends for it; its answers to that are lost before a tick."""
 
     def __init__(self, agent, until: int) -> None:
         self.agent = agent
@@ -118,6 +122,7 @@ def answers(stage: Stage, tick: int, *calls: tuple[str, int]) -> list[type[Answe
 
 
 def test_a_carrier_offers_itself_only_to_the_longest_caller():
+    """A carrier remembers a call for 25 ticks. A bin has 5 ticks to choose it after its offer."""
     stage = Stage(calling_orchard())
     memory = CarrierMemory(job=Job("bin_09", 1, "east", "picker_01"))
     stage.local.memories["carrier_01"] = memory
@@ -142,6 +147,7 @@ def test_a_bin_that_never_decides_keeps_the_carrier_from_nobody():
 
 
 def test_a_bin_that_calls_again_says_since_when_it_has_called():
+    """Bins are full after 40 s, and call until 70 s; the carrier hears no call."""
     stage = stage_with(
         lambda name, agent: HardOfHearing(agent, Call, until=2000), pickers=2, carriers=1
     )
@@ -152,14 +158,14 @@ def test_a_bin_that_calls_again_says_since_when_it_has_called():
             for _, body in action.requests:
                 if isinstance(body, Call):
                     calls.add((name, body.since))
-    assert len(calls) == 2, "each of two bins has called for 25 s, again and again"
+    assert len(calls) == 2, "each of two bins calls again and again, always since the same tick"
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize("dispatch", ["nearest", "orchard.dispatch.ranking.Nearest"])
 def test_soak_the_bins_are_served_in_the_order_of_their_calls(dispatch):
     stage = Stage(Scenario(rows=6, pickers=4, carriers=1, seed=2003, dispatch=dispatch))
-    # Since when the bin had called, and its name.
+    # Of each job: since when its bin had called, and its name.
     jobs: list[tuple[int, str]] = []
     while not stage.local.engine.over:
         stage.tick()
@@ -191,6 +197,7 @@ def test_carriers_of_several_lines_free_at_once_get_bins_soon():
 
 
 def test_a_call_that_nobody_answers_is_repeated():
+    """Bins are full after 40 s. No carrier hears a call before tick 1,700."""
     stage = stage_with(lambda name, agent: HardOfHearing(agent, Call, until=1700))
     stage.run(165)
     assert exchanges(stage) == []
@@ -205,6 +212,7 @@ def test_a_carrier_that_does_not_answer_is_given_up():
         row_length=70.0,
     )
     stage.run_until(lambda: stage.world.delivered == 1, 1000)
+    # The head of its line, 0.9 m east of the rows' end.
     assert stage.pose("carrier_13")[0] == 35.4, "nearest by road, but it never answers"
     assert_every_bin_is_taken_once(stage)
 
@@ -219,6 +227,7 @@ def test_a_bin_whose_carrier_refuses_calls_again_at_once():
 
 
 def test_a_bin_that_its_picker_has_again_has_no_call():
+    """`since` is the tick since which a bin calls; -1: it does not call."""
     local = Local(calling_orchard())
     bin_ = Bin(local.engine.layout, "bin_01")
     action = bin_.tick(local.seen["bin_01"], Mail([], []), BinMemory(since=50))
@@ -247,11 +256,13 @@ def test_only_the_head_of_a_line_is_sent():
 
 
 def test_a_carrier_that_came_with_a_lost_answer_is_the_only_one():
+    """Bins send for a carrier from tick 400 on. Its answers are lost until tick 460."""
     stage = stage_with(lambda name, agent: LateAnswerer(agent, until=460))
     assert_every_bin_is_taken_once(stage)
 
 
 def test_a_carrier_with_an_unheard_confirmation_waits_then_goes():
+    """No bin hears its question before tick 700. In rows of 40 m the queue's head is at 5.4 m."""
     stage = Stage(calling_orchard())
     for name, agent in stage.local.agents.items():
         if name.startswith("bin"):
@@ -264,6 +275,7 @@ def test_a_carrier_with_an_unheard_confirmation_waits_then_goes():
 
 
 def test_a_carrier_that_forgot_its_job_is_replaced_by_a_new_call():
+    """Tick 415 is soon after the first bins, full at tick 400, have sent for carriers."""
     stage = stage_with(
         lambda name, agent: Forgetful(agent, at=415 if name == "carrier_01" else -1), carriers=3
     )

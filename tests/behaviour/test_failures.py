@@ -1,4 +1,8 @@
-"""Pickers and carriers that fail while they work, and rows that take their own time."""
+"""Pickers and carriers that fail while they work, and rows that take their own time.
+
+`failure(seed, robot, number, mean_between, mean_repair)` draws, as the robots do, for how many
+seconds of work a robot goes before its failure of this number, and how many its repair takes.
+"""
 
 from functools import cache
 
@@ -18,7 +22,7 @@ VARIED = {
     "failure": {"mean_between": 60.0, "mean_repair": 20.0},
 }
 OFTEN = {"failure": {"mean_between": 60.0, "mean_repair": 20.0}}
-# Ticks: rows are picked, pickers fail, and bins are exchanged.
+# 1,100 ticks are 110 s, in which rows are picked, pickers fail, and bins are exchanged.
 SHORT = 1100
 
 
@@ -51,7 +55,7 @@ def test_a_picker_fails_as_drawn_and_goes_on_when_repaired():
         )
     )
     sound, repair = failure(1, "picker_01", 0, 60.0, 1800.0)
-    assert sound < 140.0, "else it fails in a later row"
+    assert sound < 140.0, "else it fails in a later row: 70 m at 0.5 m/s take 140 s"
     stage.tick()
     stage.run_until(lambda: stage.doing("picker_01") == "failed, is repaired", sound + 0.5)
     assert stage.seconds == pytest.approx(sound, abs=0.2)
@@ -75,7 +79,7 @@ def test_a_carrier_fails_after_the_drawn_drive_and_goes_on(route):
     )
     sound, repair = failure(1, "carrier_01", 0, 60.0, 300.0)
     stage.run_until(lambda: failed(stage), 300)
-    # It drives at 1 m/s, and does not fail while it turns.
+    # It drives at 1 m/s, so the metres are the seconds of its drives. It fails in drives only.
     driven = stage.world.distance[stage.world.index["carrier_01"]]
     assert driven == pytest.approx(sound, abs=0.01)
     job = stage.local.memories["carrier_01"].job
@@ -91,7 +95,10 @@ def failed(stage: Stage) -> bool:
 
 
 def test_an_overdue_failure_strikes_on_the_next_drive():
-    """After a fork with another seed, a robot may have worked longer than is now drawn."""
+    """After a fork with another seed, a robot may have worked longer than is now drawn.
+
+    The first drive has no length, and a failure strikes there, too.
+    """
     stage = meadow()
     stage.put("carrier_01", 0.0, 20.0)
     fails = MayFail(seed=1, mean_between=60.0, mean_repair=30.0)
@@ -103,6 +110,9 @@ def test_an_overdue_failure_strikes_on_the_next_drive():
 
 
 def test_a_carrier_that_fails_behind_a_place_keeps_it():
+    """It gives a place back at a gate of its drive. It fails after 6 s, at x = 6 m: it is past the
+    gate of the first place by 5 m, but by only 1 m past that of the second.
+    """
     stage = meadow(carrying={"failure": {"mean_between": 60.0, "mean_repair": 30.0}})
     stage.put("carrier_01", 0.0, 20.0)
     sound, _ = failure(1, "carrier_01", 0, 60.0, 30.0)
@@ -129,7 +139,7 @@ def test_a_step_before_a_failure_is_not_the_picking_speed():
     stage.run_until(
         lambda: stage.world.tick > 0 and stage.local.actions["picker_01"].state == "failed", 10
     )
-    # The last step was of 0.039 m, the others of 0.1 m.
+    # With seed 4 it fails after 7.439 s: 74 steps of 0.1 m, and the last one of 0.039 m.
     picked = stage.world.row_picked[0]
     assert picked == pytest.approx(7.439, abs=0.001)
     stage.run(3)
@@ -147,7 +157,9 @@ def test_a_picker_that_waits_long_for_its_repair_is_no_jam():
 
 
 def test_a_picker_that_fails_before_the_roads_asks_for_no_place():
-    # It fails after 134.5 to 137.5 s at 0.5 m/s: between x = 31.75 m and 33.25 m.
+    """It would ask 3 s before its stop line; but it fails just before it is there."""
+    # A seed with which it fails after 134.5 to 137.5 s, at 0.5 m/s from x = -35.5 m on: between
+    # x = 31.75 m and 33.25 m.
     for seed in range(1000):
         sound, _ = failure(seed, "picker_01", 0, 60.0, 60.0)
         if 134.5 < sound < 137.5:
@@ -210,6 +222,7 @@ def test_lockstep_has_the_local_hash_with_failures(fleet):
 
 
 def test_a_pickers_own_agent_is_no_faster_than_the_row():
+    """In 5 s each of the first two rows is picked at the speed that was drawn for it."""
     stage = Stage(varied(picking={"spread": VARIED["spread"]}, rows_to_pickers="balanced"))
     stage.run(5)
     speeds = [lane.picking_speed for lane in stage.world.layout.lanes]

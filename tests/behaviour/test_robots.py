@@ -1,4 +1,8 @@
-"""The behaviour of pickers, carriers, their bins, and the tractor."""
+"""The behaviour of pickers, carriers, their bins, and the tractor.
+
+In the default orchard rows run from x = -35.5 to 34.5 m. A picker is 2.5 m long, a worker 1 m
+wide.
+"""
 
 import pytest
 from local_runs import played
@@ -18,6 +22,7 @@ def test_pickers_pick_their_lane_from_its_head_to_its_end():
     stage.assert_at("picker_01", x=-35.5, y=stage.world.layout.lane(1).y, heading="EAST")
     bin_name = stage.bin_of("picker_01")
     took = stage.run_until(lambda: stage.is_full(bin_name), 80)
+    # The row of 70 m, at 1 m/s.
     assert took == pytest.approx(70.0)
     stage.assert_at("picker_01", x=34.5, y=stage.world.layout.lane(1).y, heading="EAST")
 
@@ -38,7 +43,8 @@ def test_pickers_swap_the_full_bin_for_one_of_a_carrier():
     stage = Stage(empty_orchard())
     full = stage.bin_of("picker_01")
     stage.run_until(lambda: stage.is_full(full) and not stage.bin_of("picker_01"), 100)
-    stage.assert_at(full, x=32.25)
+    # The bin is 2.25 m behind the picker at the end of the row.
+    stage.assert_at(full, x=34.5 - 2.25)
     stage.run_until(lambda: bool(stage.bin_of("picker_01")), 200)
     assert stage.bin_of("picker_01") != full
     stage.assert_at("picker_01", x=OneWay.WAITING, heading="EAST")
@@ -57,6 +63,7 @@ def test_pickers_ask_for_the_roads_before_they_must_stop(speed):
         return any(isinstance(body, Claim) and body.want for body in bodies)
 
     stage.run_until(has_claimed_places, 500)
+    # To the stop line: PICKER_HOLD is its x in rows of 70 m, and `shift` is what this row differs.
     metres = OneWay.PICKER_HOLD + stage.world.layout.shift - stage.pose("picker_01")[0]
     assert metres / speed == pytest.approx(3.0, abs=0.3)
 
@@ -74,6 +81,7 @@ def test_carriers_stop_for_an_obstacle_on_the_road():
     stage = Stage(empty_orchard(people=People(workers=1, visitors=0)), worker_01=Standing())
     stage.put("worker_01", OneWay.D_ROAD, 17.0, "NORTH")
     stage.run(120)
+    # It comes from the north, and the worker stands at y = 17 m.
     assert stage.pose("carrier_01")[1] > 17.5, "it waits for as long as the worker stands there"
     stage.assert_no_collisions()
 
@@ -90,7 +98,9 @@ def test_a_carrier_stops_for_a_person_beside_the_bin():
 
 
 class Asker:
-    """Asks bin_01 for its state at tick 0, and again after the picker has left the bin full."""
+    """Asks bin_01 for its state at tick 0, and again at tick 720: the bin is full after 70 s, and
+    the picker has left it.
+    """
 
     Memory = dict
 
@@ -119,7 +129,7 @@ def test_bins_tell_whether_they_are_full_and_on_whom():
 
 
 def test_a_bin_without_a_memory_forecasts_by_the_mean_speed():
-    """In realtime a process that is killed early has given no memory yet."""
+    """In realtime a process that is killed early has given no memory yet. The bin goes on."""
     local = played(Scenario(rows=3, seed=3), 150)
     del local.memories["bin_01"]
     local.engine.wake(["bin_01"])
@@ -135,6 +145,7 @@ def test_the_tractor_drives_twenty_metres_waits_and_turns_about():
     stage.assert_at("tractor_01", -25.0, 29.0, "EAST")
     loaded = stage.run_until(lambda: stage.doing("tractor_01") == "turning about", 10)
     assert loaded == pytest.approx(5.0)
+    # To turn about it needs 8 s, at 22.5 degrees/s; the wait ended within the first tick of them.
     stage.run(7.9)
     stage.assert_at("tractor_01", x=-25.0, heading="WEST")
     stage.run_until(lambda: stage.doing("tractor_01") == "being unloaded", 30)
@@ -146,6 +157,7 @@ def test_the_tractor_stops_for_an_obstacle_until_it_moves():
     stage.local.agents["worker_01"] = Standing()
     stage.put("worker_01", -35.0, 29.0, "NORTH")
     stage.run(30)
+    # Its front, 2.5 m ahead of its middle, is west of the worker, who covers x = -35.5 to -34.5.
     assert stage.pose("tractor_01")[0] + 2.5 < -35.5
     stage.local.agents["worker_01"] = Driven(Twist(x=1.0))
     stage.run_until(lambda: stage.doing("tractor_01") == "being loaded", 30)
@@ -158,7 +170,7 @@ def test_the_tractor_does_not_turn_into_what_no_laser_sees():
     stage.local.agents["worker_01"] = Acting(
         lambda seen, mail, memory: Action(answers=tell_where(seen, mail), memory=memory)
     )
-    # Beside its tail, when it has come to the east end.
+    # Beside its tail when it has come to the east end, x = -25: it would turn its tail there.
     stage.put("worker_01", -27.2, 31.2, "NORTH")
     stage.tick()
     stage.run_until(lambda: stage.local.actions["tractor_01"].waits_for == "worker_01", 60)

@@ -1,7 +1,9 @@
-"""The plug-ins that a scenario can name besides agents: policy, rows, route, agents without a body,
-and their messages and steps.
+"""The seams of the program: the classes and functions of a user that a scenario can name besides
+agents. They are a policy, a rule for rows, a route, and agents without a body, with messages and
+steps of their own.
 
-Each example of examples/seams/ runs in local mode and in lockstep with the same hash.
+Each example of examples/seams/ runs in local mode and in lockstep with the same hash. Faulty ones
+stand below, named as `test_seams.Raising`.
 """
 
 from functools import cache
@@ -38,7 +40,7 @@ EXAMPLES = {
         "agents_without_body": {"counter": "examples.seams.bin_counter.Counter"},
     },
 }
-# In which bins call, and carriers are under way.
+# 50 s, in which bins call, and carriers are under way.
 TICKS = 500
 
 
@@ -49,7 +51,7 @@ def scenario(**named) -> Scenario:
 
 
 def run(local: Local, ticks: int = 12_000) -> Local:
-    """Let a run go on for some ticks."""
+    """Let a run go on until a tick, or until its harvest is over."""
     while not local.engine.over and local.engine.tick < ticks:
         local.tick()
     return local
@@ -57,9 +59,10 @@ def run(local: Local, ticks: int = 12_000) -> Local:
 
 @cache
 def harvested(name: str) -> tuple[str, Local]:
-    """Harvest with an example in local mode. Return the run, and its hash after the first ticks."""
-    early = run(Local(scenario(**EXAMPLES[name])), TICKS)
-    return early.engine.hash, run(early)
+    """Harvest with an example in local mode. Return its hash after TICKS, and the whole run."""
+    harvest = run(Local(scenario(**EXAMPLES[name])), TICKS)
+    early_hash = harvest.engine.hash
+    return early_hash, run(harvest)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
@@ -119,18 +122,24 @@ def test_bounds_and_drawings_follow_the_route_that_is_named():
 
 
 def test_an_answer_of_an_own_type_arrives_as_that_type():
+    """A `Counter` asks each picker every 20 ticks for its progress, a type of its own."""
     local = run(Local(scenario(**EXAMPLES["agents and messages"])), 21)
     assert set(local.memories["counter"]) == {"picker_01", "picker_02"}
     (_, request), *_ = local.post.written[20]["picker_01"].requests
     assert request == CustomMessage("progress", {"steps": 2})
 
 
+# -- what the tests name: one that works, WiderLoop, and many that do not
+
+
 def from_the_middle(first, last, metres):
-    """Order a row from its middle, whatever is asked."""
+    """Let a bin begin in the middle of what is left of a row: an order may name an end only."""
     return (first + last) / 2
 
 
 class WiderLoop(OneWay):
+    """A route whose loop around the bottom is 2 m further south than that of `OneWay`. Metres."""
+
     F_BOTTOM = 5.5
     D_BOTTOM = 7.6
 
@@ -221,6 +230,7 @@ def one_row_each(scenario):
     return {"picker_01": (1,), "picker_02": (2,)}
 
 
+# What a scenario names, and words of the error.
 UNUSABLE = [
     ({"dispatch": "nowhere.Mine"}, "dispatch = nowhere.Mine: cannot be used: ModuleNotFoundError"),
     ({"dispatch": "test_seams.Raising"}, r"LookupError: no map \(.*test_seams.py, line \d+"),

@@ -1,4 +1,9 @@
-"""Harvests never jam: the grants of places, and the meetings of robots that need them."""
+"""Harvests never jam: how places are granted, and how robots meet that need them.
+
+A place is a part of the roads, such as "D/2", which one robot has at a time, or a picker and its
+carrier together (partners). A robot sends a claim to the traffic desk: the places that it keeps and
+those that it wants. docs/traffic.md has the proof; here are the rules of the desk, and harvests.
+"""
 
 import random
 
@@ -58,6 +63,7 @@ def test_places_are_given_all_together_or_not_at_all():
 
 
 def test_who_asked_first_is_served_first_and_ties_go_by_name():
+    """Four robots want one place. Each in turn gives it back."""
     table = ReservationTable()
     for name, tick in (("a", 0), ("c", 1), ("b", 1), ("d", 2)):
         note(table, name, Claim([], ["D/1"], ""), tick)
@@ -93,15 +99,8 @@ ORCHARDS = [
     (6, 4, 6, 6.3, {"row_length": 40.0, "bay": 5.0, "route": TWO_WAY, "dispatch": FARTHEST}),
     (5, 5, 8, 3.15, {"row_length": 30.0, "route": TWO_WAY}),
     (4, 2, 4, 3.15, {"row_length": 30.0}),
-    pytest.param(
-        12,
-        12,
-        120,
-        5.0,
-        {},
-        marks=pytest.mark.soak,
-        # All ten lines of the queue are left and come back to.
-    ),
+    # Carriers leave all ten lines of the queue, and come back to them.
+    pytest.param(12, 12, 120, 5.0, {}, marks=pytest.mark.soak),
     pytest.param(12, 12, 120, 5.0, {"route": TWO_WAY}, marks=pytest.mark.soak),
     pytest.param(6, 2, 14, 12.0, {}, marks=pytest.mark.soak),
     pytest.param(
@@ -112,7 +111,7 @@ ORCHARDS = [
 
 @pytest.mark.parametrize(("rows", "pickers", "carriers", "row_width", "more"), ORCHARDS)
 def test_a_harvest_ends_without_a_collision(rows, pickers, carriers, row_width, more):
-    """The tractor on its driveway is not in the way of unloading."""
+    """The tractor on its driveway is not in the way of carriers that unload."""
     stage = Stage(
         empty_orchard(
             rows=rows, pickers=pickers, carriers=carriers, row_width=row_width, tractor=True, **more
@@ -129,6 +128,7 @@ def test_a_harvest_ends_without_a_collision(rows, pickers, carriers, row_width, 
 )
 def test_all_pickers_call_at_once_and_all_are_served(pickers):
     stage = Stage(empty_orchard(rows=pickers, pickers=pickers, dispatch=NEAREST))
+    # All rows, of 70 m at 1 m/s, are picked at the same time.
     stage.run_until(lambda: bool((stage.world.row_picked >= 70.0).all()), 75)
     stage.run_to_the_end()
     assert stage.world.delivered == pickers
@@ -167,7 +167,7 @@ def test_a_harvest_among_people_ends_without_a_collision(rows, pickers, seed, ro
     stage.assert_no_collisions()
 
 
-# Of the scenarios that the soak draws.
+# The seed of the scenarios that the soak draws; any number would do.
 RANDOM_SEED = 20260
 
 
@@ -270,7 +270,9 @@ def test_a_person_standing_in_a_row_holds_up_only_that_row():
     )
     stage.put("worker_01", 10.0, stage.world.layout.lane(1).y, "NORTH")
     stage.run_until(lambda: bool((stage.world.row_picked[2:] >= 70.0).all()), 800)
-    # The picker stops 0.8 m before the person, less at most one step.
+    # The person covers x from 9.5 m on. The picker goes in steps of 0.1 m from x = -35.5 m on, and
+    # stops when its front, 1.25 m ahead of its middle, is within 0.8 m of the person: its middle is
+    # then at 7.5 m, or a step before.
     assert 42.9 < stage.world.row_picked[0] <= 43.0 + 1e-6
     stage.local.agents["worker_01"] = Driven(Twist(x=1.0))
     stage.run_until(lambda: stage.world.row_picked[0] == 70.0, 60)
@@ -283,7 +285,8 @@ def test_a_crossing_animal_is_not_run_over():
     stage.assert_no_collisions()
 
 
-# Of each road, the metres before and past a lane in which others turn, cross and deliver there.
+# Route -> road -> metres before and past the middle of a lane, in the direction of the drive, in
+# which other robots turn, cross and deliver: a carrier there must have the lane's place.
 NEEDED_BY_OTHERS = {
     ONE_WAY: {"D": (2.6, 3.0), "F": (2.6, 3.0)},
     TWO_WAY: {"D": (2.6, 1.2), "F": (2.9, 1.2)},
@@ -300,7 +303,7 @@ def lanes_touched(stage: Stage, carrier: str) -> list[tuple[str, str, int]]:
     route = route_of(layout)
     if y > layout.tree_lines[0]:
         return []
-    # Of the carrier, m ahead of its centre.
+    # m ahead of its centre: its own ends, or the end of the bin, which is 1.9 m behind.
     front = 0.9
     tail = -2.4 if stage.bin_of(carrier) else -0.9
     touched = []
@@ -351,10 +354,11 @@ def test_robots_ask_for_one_place_after_the_other(width, route):
     claims = []
     for pass_ in layout.passes(Block(tuple(range(1, 6)))):
         side = route.sides[pass_.end]
+        # One carrier of each of four lines.
         for carrier in (1, 11, 21, 31):
             claims += places_asked(route.fetch(carrier, pass_.row, side, "picker_01", "bin_01"))
     claims += places_asked(route.harvest(Block(tuple(range(1, 7)))))
-    assert len(claims) > 200
+    assert len(claims) > 200, "or the assertion below says nothing"
     # Both places of the south-west corner are beyond all lanes.
     corner = ["corner/south-west", "turn/south-west"]
     assert all(len(places) == 1 or places == corner for places in claims)
@@ -372,6 +376,7 @@ def places_asked(steps):
 
 
 def test_the_mean_round_of_two_way_is_at_least_a_third_shorter():
+    """A round is the way of a carrier from the queue to a bin, the bay, and back."""
     seconds = {}
     for route in (ONE_WAY, TWO_WAY):
         layout = lay_out(empty_orchard(rows=20, pickers=10, carriers=10, route=route))

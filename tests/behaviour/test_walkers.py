@@ -108,6 +108,7 @@ def test_nobody_stays_near_one_point_for_a_minute(seed):
 
 @pytest.mark.parametrize("kind", ["dog", "cat"])
 def test_animals_change_their_mind_every_three_seconds(kind):
+    """Within 600 ticks, 60 s, it changes its mind at least 19 times, 30 ticks apart each time."""
     stage = one_guest(kind, 0.0, 20.0)
     speeds = []
     for _ in range(600):
@@ -121,6 +122,7 @@ def test_animals_change_their_mind_every_three_seconds(kind):
 
 
 def test_animals_do_not_change_their_minds_in_the_same_tick():
+    """Each of 20 animals has a phase of the 30 ticks, drawn by its name: they are spread."""
     layout = lay_out(Scenario(animals=Animals(dogs=10, cats=10)))
     phases = {
         Animal(layout, name).phase for name in layout.names if name.startswith(("dog", "cat"))
@@ -162,7 +164,8 @@ def test_a_weed_asks_only_for_what_can_flatten_it():
         empty_orchard(weeds=2, people=People(workers=1, visitors=0)), worker_01=Driven(Twist(x=0.3))
     )
     stage.put("weed_01", 0.0, 20.0)
-    stage.put("weed_02", 0.0, 23.1)  # 1.15 m
+    # 1.15 m off: edges are 1.9 m - 0.5 m (half a worker) - 0.25 m (half a weed) apart.
+    stage.put("weed_02", 0.0, 23.1)
     stage.put("worker_01", -2.0, 21.2)
     stage.run(20)
     assert stage.pose("worker_01")[0] > 3.5, "it has left"
@@ -177,7 +180,8 @@ def test_weeds_stay_for_what_stands_still_or_passes_further_off():
         worker_02=Standing(),
     )
     stage.put("weed_01", 0.0, 20.0)
-    stage.put("worker_01", -6.0, 22.0)  # 1.25 m
+    # Its edge passes 1.25 m from that of the weed.
+    stage.put("worker_01", -6.0, 22.0)
     stage.put("weed_02", 20.0, 19.0)
     stage.put("worker_02", 20.0, 20.0)
     stage.run(12)

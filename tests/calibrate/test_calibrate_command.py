@@ -12,6 +12,7 @@ from orchard.calibrate.bins import LoggedBin
 from orchard.calibrate.model_bins import model_bins
 from orchard.field.scenario import Scenario, load, to_short_yaml, with_changes
 
+# An orchard of 6 rows of 3 bins, so a day has 18 bins. Its picking rate is what a log tells.
 BASE = Scenario(
     rows=6,
     row_length=60.0,
@@ -27,7 +28,10 @@ BASE = Scenario(
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
-    """Return a folder with a log of two days at 4 bins an hour, and the scenario beside it."""
+    """Return a folder with a log of two days at 4 bins an hour, and the scenario beside it.
+
+    Picking times spread by 15 %. The names are those of the command in docs/how-to.md.
+    """
     data = tmp_path_factory.mktemp("calibrate")
     spread = {"spread": {"distribution": "lognormal", "cv": 0.15}}
     truth = with_changes(BASE, picking_rate=4.0, picking=spread)
@@ -104,6 +108,7 @@ def test_a_break_of_the_scenarios_shift_is_no_working_time(folder, tmp_path):
 
 
 def test_a_bin_that_took_far_too_long_is_named(folder, tmp_path):
+    """One picker pauses for an hour; a bin takes a quarter of that."""
     log = tmp_path / "log.csv"
     log.write_text(paused((folder / "log.csv").read_text(), 1, "picker_01"))
     out = orchard("calibrate", log).stdout

@@ -1,4 +1,8 @@
-"""A harvest with known rates writes its log, and a calibration of that log gives the rates back."""
+"""A harvest with known rates writes its log, and a calibration of that log gives the rates back.
+
+Rates are bins an hour of a picker. Deviations are shares of the mean (coefficients of variation).
+An interval has `low` and `high`.
+"""
 
 import math
 from dataclasses import replace
@@ -21,6 +25,7 @@ from orchard.field.picking import picker_speed_of
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, WorkShift, with_changes
 
+# The orchard of the log, whose rates are not known.
 KNOWN = Scenario(
     rows=26,
     row_length=110.0,
@@ -29,6 +34,7 @@ KNOWN = Scenario(
     bins_per_row=6.0,
     dispatch="nearest",
 )
+# How fast each picker is, as a share of the crew's rate.
 CREW = {"picker_01": 0.8, "picker_02": 1.1, "picker_03": 1.3, "picker_04": 0.9}
 
 
@@ -59,6 +65,7 @@ def test_known_rates_come_back_within_their_intervals(seed):
             "handling.unloading": round(float(draw.uniform(10.0, 60.0)), 1),
         },
     )
+    # Intervals of 99 %: those of six values in four draws should all have the truth in them.
     fitted = fit(LoggedBins(log_of(truth), [], []), KNOWN, True, "log.csv", 0.99)
 
     # The rate is the inverse of the mean time of a bin, and pickers spread around that time.
@@ -116,10 +123,12 @@ def test_a_last_day_of_the_same_kind_is_as_predicted():
     tested = check_on_day(fitted, of_day, [], 0.95, lambda runs: None)
     assert tested.logged == rate_of(of_day)
     assert tested.is_as_predicted
+    # And the interval says something: it is narrower than half of the rate.
     assert tested.high - tested.low < 0.5 * tested.logged
 
     # If bins differed more, the interval would be wider by that, divided by the root of their
     # number.
+    # Two independent parts of an interval add up as squares.
     unlike = replace(fitted, picking=replace(fitted.picking, between_bins=0.4))
     wider = check_on_day(unlike, of_day, [], 0.95, lambda runs: None)
     width = students_t.ppf(0.975, RUNS - 1)
@@ -154,6 +163,7 @@ def test_one_day_is_fitted_and_leaves_no_test():
 
 
 def test_a_bin_that_took_far_too_long_is_told_and_left_out():
+    """Seven bins give six intervals from bin to bin. The one of 200 min is left out."""
     day = date(2026, 4, 14)
     bins = []
     begin = 0.0
@@ -167,11 +177,13 @@ def test_a_bin_that_took_far_too_long_is_told_and_left_out():
         "log.csv:6: a bin of Ana took 200 min, 6.6 times as long as most: a break, or lines are"
         " missing; it is left out"
     ]
+    # An interval in which the whole log is silent is left out, too.
     silence = Silence(day, bins[1].fetched, bins[1].fetched + 100.0)
     assert len(intervals_of(bins, [silence])) == 5
 
 
 def test_a_log_that_no_scenario_can_follow_is_told():
+    """A bin every 20 s is more than a scenario allows."""
     day = date(2026, 4, 14)
     bins = []
     for number in range(20):
@@ -224,6 +236,7 @@ def test_a_day_of_nothing_but_a_silence_is_no_test():
 
 
 def test_a_single_drive_of_another_way_tells_no_speed():
+    """`model`: distances, m, and the times of these drives at 1 m/s with 10 s in the bay, s."""
     metres = np.array([30.0] * 15 + [120.0])
     seconds = np.array([45.0, 47.0, 44.0] * 5 + [150.0])
     model = BinDrives(np.array([30.0, 120.0]), np.array([40.0, 130.0]))
@@ -233,6 +246,9 @@ def test_a_single_drive_of_another_way_tells_no_speed():
 
 
 def test_a_resample_of_equal_ways_leaves_an_interval():
+    """The interval of the speed is that of logs drawn anew from this one. Some have ways of one
+    length only, which tell no speed: their share is `unknown`.
+    """
     metres = np.array([30.0] * 20 + [120.0] * 5)
     seconds = np.array([40.0, 60.0, 50.0, 45.0] * 5 + [130.0, 140.0, 120.0, 125.0, 135.0])
     model = BinDrives(np.array([30.0, 120.0]), np.array([40.0, 130.0]))
@@ -242,6 +258,7 @@ def test_a_resample_of_equal_ways_leaves_an_interval():
 
 
 def test_a_time_in_the_bay_is_never_less_than_none():
+    """Drives are so short that a line through them would give the bay less than 0 s."""
     metres = np.linspace(30.0, 120.0, 24)
     model = BinDrives(metres, metres + 60.0)
     driving = fit_driving(BinDrives(metres, metres * 0.02 + 1.0), model, 1.0, 10.0, 0.95)
@@ -259,7 +276,8 @@ def test_a_last_day_of_one_picker_is_no_test():
 def crew_log(pickers: int, rows: int = 0, bins: int = 8) -> list[LoggedBin]:
     """Return the bins of a day, ten minutes each.
 
-    `rows` and `bins`: a row has so many bins; without rows each picker has so many.
+    `pickers`: 0: the log names none. `rows`: 0: the log names none. `bins`: in each row; without
+    rows, of each picker. A bin is fetched 30 to 90 s after it is full.
     """
     logged = []
     for chain in range(max(pickers, rows)):

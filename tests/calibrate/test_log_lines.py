@@ -1,4 +1,8 @@
-"""A log of bins that a person has written: what is read, and what is told of wrong lines."""
+"""A log of bins that a person has written: what is read, and what is told of wrong lines.
+
+Each line says when a bin was full, fetched or unloaded, and names its picker, row and carrier, as
+far as the person knows them. Times that are read are seconds since midnight.
+"""
 
 import pytest
 
@@ -7,6 +11,7 @@ from orchard.calibrate.log_lines import read_log
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, WorkShift
 
+# Two bins of Ana; the second one is not unloaded yet.
 GOOD = """\
 time,event,picker,row,carrier
 2026-04-14T07:40:00,full,Ana,3,T1
@@ -48,6 +53,7 @@ def test_each_bin_has_its_three_times(tmp_path):
     assert first.row == "3"
     assert first.carrier == "T1"
     hour = 3600.0
+    # At 7:40, 4 minutes later, and 10.5 minutes later.
     assert first.full == 7 * hour + 2400.0
     assert first.fetched == first.full + 240.0
     assert first.unloaded == first.full + 630.0
@@ -72,6 +78,7 @@ def test_breaks_are_no_working_time(tmp_path):
     text = text.replace("2026-04-14T08:20:00,full,Ana,3,\n", "")
     text = text.replace("2026-04-14T08:21:00,fetched,Ana,3,T2\n", "")
     (bin_,) = bins_of(read(tmp_path, text), DAY).bins
+    # From 7:40 to 13:40 are 6 h, in which both breaks are 1 h.
     assert bin_.fetched - bin_.full == 6 * 3600.0 - 3600.0
 
 
@@ -158,12 +165,14 @@ def test_a_line_without_the_zone_of_the_others_is_told(tmp_path):
 
 
 def test_the_end_of_summer_time_is_no_second_zone(tmp_path):
+    """In New Zealand it ends on 5 April 2026: from +13:00 to +12:00 in the log of two days."""
     day = "2026-04-0{day}T07:{minute}:00+{hours}:00,{event},Ana,3,T1"
     lines = ["time,event,picker,row,carrier"]
     for number, hours in ((4, 13), (5, 12)):
         lines.append(day.format(day=number, hours=hours, minute=40, event="full"))
         lines.append(day.format(day=number, hours=hours, minute=44, event="fetched"))
     bins = bins_of(read(tmp_path, "\n".join(lines)), WorkShift()).bins
+    # Both are full at 7:40 by the clock of their day.
     assert [bin_.full for bin_ in bins] == [7 * 3600.0 + 2400.0] * 2
 
 
@@ -182,6 +191,7 @@ def test_a_missing_fetch_is_told_and_spoils_no_other_bin(tmp_path):
     text = changed(3, "").replace("2026-04-14T07:50:30,unloaded,Ana,3,T1\n", "")
     text += "2026-04-14T09:00:00,full,Ana,3,\n2026-04-14T09:02:00,fetched,Ana,3,T1\n"
     logged = bins_of(read(tmp_path, text), Scenario().shift)
+    # At 8:21 and 9:02.
     assert [bin_.fetched for bin_ in logged.bins] == [None, 30060.0, 32520.0]
     assert logged.gaps == [
         f"{tmp_path / 'log.csv'}:2: this bin of Ana was not fetched before the next one was full:"
@@ -190,6 +200,7 @@ def test_a_missing_fetch_is_told_and_spoils_no_other_bin(tmp_path):
 
 
 def test_a_time_without_any_event_is_told(tmp_path):
+    """There is an event every two minutes, and none from 7:58 to 9:00: 62 min, or 3,720 s."""
     lines = ["time,event,picker"]
     for minute in [*range(0, 60, 2), *range(120, 180, 2)]:
         hour, rest = divmod(7 * 60 + minute, 60)
@@ -202,7 +213,10 @@ def test_a_time_without_any_event_is_told(tmp_path):
 
 
 def carried_log(missing: int, days: int = 2) -> str:
-    """Return a log of a carrier with ten bins a day. The time unloaded is missing in one line."""
+    """Return a log of a carrier with ten bins a day, each with three lines.
+
+    `missing`: the bin, from 0, whose line with unloaded is missing.
+    """
     lines = ["time,event,picker,row,carrier"]
     for number in range(10 * days):
         day = 14 + number // 10
@@ -217,6 +231,7 @@ def carried_log(missing: int, days: int = 2) -> str:
 @pytest.mark.parametrize("missing", [1, 9, 18])
 def test_a_missing_unload_spoils_no_other_drive(tmp_path, missing):
     logged = bins_of(read(tmp_path, carried_log(missing)), WorkShift())
+    # s from fetched to unloaded; None where that is not known.
     drives = [bin_.unloaded and bin_.unloaded - bin_.fetched for bin_ in logged.bins]
     expected = [180.0] * 20
     expected[missing] = None
@@ -228,9 +243,11 @@ def test_a_missing_unload_spoils_no_other_drive(tmp_path, missing):
 
 
 def test_the_last_bin_of_a_picker_is_told_as_not_unloaded(tmp_path):
+    """The carrier T2 fetches the next bin, so it has unloaded Ana's second one unseen."""
     text = GOOD + "2026-04-14T08:25:00,full,Ben,4,\n2026-04-14T08:30:00,fetched,Ben,4,T2\n"
     text += "2026-04-14T08:35:00,unloaded,,,T2\n"
     logged = bins_of(read(tmp_path, text), WorkShift())
+    # At 7:50:30 and 8:35.
     assert [bin_.unloaded for bin_ in logged.bins] == [28230.0, None, 30900.0]
     assert logged.gaps == [
         f"{tmp_path / 'log.csv'}:5: this bin of Ana was never unloaded: a line with unloaded is"
@@ -279,6 +296,7 @@ def test_long_names_that_begin_alike_are_not_the_same(tmp_path):
     bins = bins_of(read(tmp_path, text), WorkShift()).bins
     assert {bin_.picker for bin_ in bins} == {f"{team}Ana", f"{team}Ben"}
     assert {bin_.row for bin_ in bins} == {f"{row}3", f"{row}4"}
+    # A message shows at most 200 letters of a name.
     text += f"2026-04-14T08:26:00,full,{300 * 'x'},{row}4,\n"
     text += f"2026-04-14T08:25:30,full,{300 * 'x'},{row}5,\n"
     (fault,) = faults(tmp_path, text)

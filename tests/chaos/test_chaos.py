@@ -1,5 +1,8 @@
-"""The soak's own parts: its schedule follows from the seed, its relay passes and cuts, its nonsense
-is of no run, its report tells all.
+"""The parts of the soak of real processes, `python -m chaos`.
+
+Its trials (runs with faults) follow from the seed; its relay passes bytes on, and cuts links; its
+fuzzer makes messages that belong to no run; its oracle compares a run with local mode; its report
+tells all.
 """
 
 import itertools
@@ -32,7 +35,9 @@ from orchard.net.refusals import Refused, read_message
 from orchard.sim.kernels.cache import DIGEST, KernelFiles
 from orchard.wire.messages import Clock, Stamp
 
+# The id of a run, as a run makes one.
 RUN = "5f0c2a9e4b7d4c11"
+# Enough that each fault and each combination of a few is among them.
 TRIALS = [trial(1, number) for number in range(300)]
 
 
@@ -54,7 +59,8 @@ def test_faults_come_while_the_run_goes_on_in_order():
 def test_no_process_is_killed_as_often_as_makes_it_be_given_up():
     assert schedule.MOST_DEATHS < DEATHS
     assert max(most_deaths(drawn.faults) for drawn in TRIALS) == schedule.MOST_DEATHS
-    # Each of the two hosts may be the same one, and "all processes" is one of its deaths, too.
+    # Both faults of a host may hit the same one, and a kill of all processes is a death of it, too:
+    # three deaths.
     targets = (schedule.HOST, schedule.HOST, schedule.ALL, schedule.LOGGER)
     assert most_deaths([Fault(9, schedule.KILL, target, 0.0, 0) for target in targets]) == 3
     signals = (schedule.KILL, schedule.TERMINATE, schedule.INTERRUPT)
@@ -140,6 +146,7 @@ def test_a_relay_whose_router_is_away_hangs_up():
 
 def test_no_nonsense_is_of_the_run():
     clock = pack(Clock(RUN, 12, Stamp(1, 2)))
+    """Each is refused: not one could change a run."""
     chance = Random(1)
     for _ in range(2000):
         with pytest.raises(Refused):
@@ -195,18 +202,16 @@ def summary(wanted, **changes):
         "bins_delivered": wanted.bins,
         "rows_picked": wanted.rows,
     }
-    return (
-        valid
-        | {
-            "messages_refused": {"malformed": 3},
-            "violations": [],
-            "broken_agents": [],
-            "finished": False,
-        }
-        | changes
-    )
+    known = {
+        "messages_refused": {"malformed": 3},
+        "violations": [],
+        "broken_agents": [],
+        "finished": False,
+    }
+    return valid | known | changes
 
 
+# A trial of each kind. A mistaken one has an agent that makes mistakes.
 LOCKSTEP = next(drawn for drawn in TRIALS if drawn.mode == "lockstep" and not drawn.is_mistaken)
 REALTIME = next(
     drawn
@@ -217,7 +222,7 @@ MISTAKEN = next(drawn for drawn in TRIALS if drawn.mode == "lockstep" and drawn.
 
 
 def execution(exit_code=0):
-    """Return how a run with two faults went."""
+    """Return how a run of 600 ticks with two faults went. It went on 1 s and 3 s after them."""
     return Execution(
         ["kill physics", "kill physics"],
         [Recovery("kill physics", 1.0), Recovery("kill physics", 3.0)],
@@ -233,6 +238,7 @@ def test_a_run_that_came_to_what_local_mode_does_is_good(wanted):
     assert verdict.refused == 3
 
 
+# Exit code, what differs in the summary, and the promise that is broken. None: it was ended.
 BROKEN = [
     (0, {"hash": "another"}, "hashes changed"),
     (0, {"rows_picked": -1}, "bins lost"),
@@ -262,6 +268,7 @@ def test_an_agent_that_makes_mistakes_is_broken_and_no_other(wanted):
 
 
 def test_each_mistake_is_refused_but_that_in_a_text():
+    """cat_01 makes a mistake every EVERY ticks. A text with odd letters is only made printable."""
     local = Local(scenario(1, True))
     states = []
     for _ in range(EVERY * len(MISTAKES)):
@@ -272,6 +279,7 @@ def test_each_mistake_is_refused_but_that_in_a_text():
 
 
 def test_a_whole_harvest_in_realtime_must_deliver_every_bin(wanted):
+    """The orchard has 3 bins. In realtime there is no hash to compare."""
     complete = judge(REALTIME, execution(), summary(wanted, finished=True, bins_delivered=3), None)
     lacking = judge(REALTIME, execution(), summary(wanted, finished=True, bins_delivered=2), None)
     assert complete.bins_lost == 0
@@ -296,6 +304,7 @@ def memory(megabytes, handles):
 
 
 def test_flat_is_neither_a_leak_of_memory_nor_of_handles():
+    """Memory that goes up and down is flat; a rise of 3 MB each time, or one handle, is not."""
     assert memory([100, 101, 100, 101], [9, 10, 9, 9]).is_flat
     assert not memory([100, 103, 106, 109], [9, 9, 9, 9]).is_flat
     assert not memory([100, 100, 100, 100], [9, 9, 10, 10]).is_flat

@@ -1,4 +1,9 @@
-"""What a network and a disk do at their worst happens in schedules, and breaks no promise."""
+"""What a network and a disk do at their worst happens in schedules, and breaks no promise.
+
+A schedule (chaos/simulated) is a run on a simulated network in virtual time, with faults at random.
+Its plan says what happens. Its verdict has the complaints of the oracles: each is a promise that
+was broken. Links may be slow, and may tear payloads: their end is replaced by other bytes.
+"""
 
 import tempfile
 from dataclasses import replace
@@ -25,7 +30,10 @@ PROMISED = ("lost: ", "no end: ", "crash: ", "wrong tick: ", "physics has waited
 
 
 def plan(*faults: Fault, **others) -> Plan:
-    """A quiet plan with these faults."""
+    """Return a plan of 60 ticks in which nothing happens but these faults. `others`: its fields.
+
+    What it does not name is as in the plan that seed 1 draws.
+    """
     quiet = {
         "mode": "lockstep",
         "ticks": 60,
@@ -55,6 +63,7 @@ class Carried:
 
 
 def test_a_disk_that_takes_half_of_a_write_changes_nothing():
+    """The disk is full for 2 s from tick 10 on; physics is killed at tick 40, and goes on."""
     full = Fault("full disk", PHYSICS, 10, 0.0, 2.0)
     carried = Carried(plan(full, Fault("kill", PHYSICS, 40), ticks=150))
     assert carried.schedule.world.half_writes > 0
@@ -63,6 +72,10 @@ def test_a_disk_that_takes_half_of_a_write_changes_nothing():
 
 
 def test_physics_killed_while_writing_leaves_half_a_file():
+    """A write takes 1 s, and the kill comes 0.02 s after the tick of a snapshot.
+
+    Physics goes on from the snapshot before, and the half file is gone at the end.
+    """
     half_writes = 0
     for tick in (20, 40, 60, 80):
         carried = Carried(plan(Fault("kill", PHYSICS, tick, 0.02), ticks=150), disk_seconds=1.0)
@@ -88,7 +101,7 @@ def test_a_large_payload_takes_longer_and_the_next_one_waits():
     sender.publish("after it", b"1")
     scheduler.run(lambda: len(arrived) == 3, 10.0)
     assert arrived["small"] - begun < 0.01
-    # It goes over two links.
+    # 100,000 bytes at a million a second take 0.1 s on each of two links.
     assert 0.2 <= arrived["large"] - begun <= arrived["after it"] - begun < 0.22
 
 
@@ -107,6 +120,9 @@ def test_arrivals_for_physics_come_from_another_thread():
 
 
 def test_schedules_draw_only_payloads_that_no_receiver_takes():
+    """Half of the payloads are torn, and half of the rest changed. What arrives is either whole or
+    no message at all: then a receiver sees it, and asks again.
+    """
     key = "orchard/hosts/a/left"
     payload = pack(Departure("run1"))
     assert is_message(key, payload)
@@ -122,13 +138,14 @@ def test_schedules_draw_only_payloads_that_no_receiver_takes():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_changed_payloads_leave_the_hash_of_local_mode(seed):
-    """A payload that is no message any more is asked for again."""
+    """A payload that is no message any more is asked for again. One of 100 is torn, one changed."""
     carried = Carried(replace(plan(ticks=100, hosts=3), seed=seed), Tears(0.01, 0.01))
     assert carried.schedule.world.network.torn > 0
     assert carried.verdict.complaints == []
 
 
 def test_some_schedules_have_slow_links_and_payloads_that_change():
+    """Of 100 schedules enough have them, so that thousands find faults, and enough do not."""
     plans = [draw(seed) for seed in range(100)]
     assert 10 <= sum(bool(plan.tears) for plan in plans) <= 40
     assert 10 <= sum(plan.delays.bytes_per_second < 1e9 for plan in plans) <= 50

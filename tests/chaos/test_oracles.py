@@ -1,4 +1,10 @@
-"""What schedules look at: each test breaks one thing, and the oracle for it complains."""
+"""What schedules look at: each test breaks one thing, and the oracle for it complains.
+
+A schedule (chaos/simulated) runs a scene, a small orchard of `SCENES`, over a simulated network,
+with faults. Its oracles compare all that it publishes, records and counts with local mode. The
+harvest of each scene in local mode is stored, with keyframes: snapshots from which schedules begin.
+A moment is a tick at which something happens in it.
+"""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -28,6 +34,7 @@ from orchard.tables.tables import BodyRows
 from orchard.wire.keys import PHYSICS
 
 ROOT = Path(__file__).parents[2]
+# The scene of these tests.
 SCENE = "rolling"
 
 
@@ -62,6 +69,7 @@ def test_the_stored_counts_of_bins_are_those_of_the_rows(scene):
 
 
 def test_stored_counts_find_a_harvest_wrong_in_each_mode():
+    """No deed is done. Local mode is wrong in the same way, so only the stored counts differ."""
     expected = msgspec.structs.replace(stored_counts()[SCENE], ticks=500)
     with patch.object(Engine, "_deeds", lambda self, actions: []):
         _, counts = made(SCENE, expected)
@@ -128,7 +136,7 @@ def test_a_run_that_is_reset_begins_again_and_lasts_as_long():
 
 
 def test_an_emergency_stop_is_that_of_local_mode():
-    """The stop holds after a kill, too."""
+    """The stop, at tick 10 for 3 s, holds after physics is killed 0.1 s later, too."""
     faults = Fault("stop robots", CLIENT, 10, 0.0, 3.0), Fault("kill", PHYSICS, 10, 0.1)
     verdict = carry_out(shortly_before("uncoupled", *faults, ticks=300))
     assert verdict.complaints == []
@@ -153,7 +161,7 @@ def test_a_fork_whose_only_snapshot_is_torn_begins_anew():
 def test_figures_before_a_torn_snapshot_are_of_the_run_before(stop_at, torn_at, delays):
     """Physics goes back to an older snapshot, which does not have the stop.
 
-    Or the run hears of the stop only after physics is back.
+    Or, with slow links, the run hears of the stop only after physics is back.
     """
     stop = Fault("stop robots", CLIENT, stop_at, 0.02, 3.0)
     plan = shortly_before("uncoupled", stop, torn_at, ticks=120, delays=delays)
@@ -170,14 +178,17 @@ def figures_at(tick: int, stopped_at: int) -> dict:
     return run.figures.figures()
 
 
+# The tick of the figures, when they arrive (virtual s), and whether the oracle takes them.
 @pytest.mark.parametrize(
     ("tick", "arrives_at", "are_known"),
     [(115, 2.0, True), (115, 60.0, False), (140, 2.0, False)],
+    ids=["soon", "late", "of a later tick"],
 )
 def test_figures_of_a_forgotten_stop_are_of_its_ticks_and_soon(tick, arrives_at, are_known):
     """Physics goes back to a snapshot before the stop, and so forgets it.
 
-    Figures with the stop are right only for ticks simulated before that, and if they come soon.
+    Figures with the stop are right only for ticks simulated before that, and if they come soon. The
+    run is at tick 100, is stopped at 110, comes to 119, and goes back to 100 after 1 s.
     """
     now = [0.0]
     course = Course(SCENE, lambda: now[0])
@@ -223,6 +234,7 @@ def test_refusals_forgotten_since_a_written_snapshot_are_found():
 
 
 def test_deeds_that_are_lost_fail_nearly_all_schedules():
+    """Physics hears no deed. In some schedules no deed is due, so not all of them can fail."""
     plans = [draw(seed) for seed in range(20)]
     actions = barriers.LockstepBarrier.actions
 
@@ -320,6 +332,8 @@ def test_advice_that_drives_for_too_long_is_found():
     assert any("is driven by advice" in complaint for complaint in complaints)
 
 
+# The tick at which physics goes on, the ticks of the snapshots that it has kept, those that are
+# torn, and the complaint.
 @pytest.mark.parametrize(
     ("tick", "kept", "torn", "words"),
     [

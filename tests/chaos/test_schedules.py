@@ -1,5 +1,10 @@
 """The whole protocol on a simulated network: `python -m chaos.simulated` carries out thousands of
 such schedules.
+
+A schedule is a run with faults, in virtual time. Its plan says what happens:
+`Fault(what, process, tick, delay, seconds)` happens `delay` s after a tick, for some seconds; tick
+-1 is before the first one. Its verdict has complaints, one for each promise that was broken. Delays
+of faults are such that they hit the moment that a test names.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -21,7 +26,8 @@ from orchard.wire.keys import PHYSICS
 
 
 def plan(*faults: Fault, ticks: int = 60, hosts: int = 2, **others) -> Plan:
-    """Return a plan with these faults."""
+    """Return a plan with these faults and nothing else. `others`: its other fields."""
+    # In realtime the bare client drives a body, so the scene must have people.
     walks = others.get("has_bare_client") and others.get("mode") == "realtime"
     given = {
         "scene": WITH_WALKERS if walks else "rolling",
@@ -61,9 +67,11 @@ def test_a_foreign_client_breaks_no_promise(what):
 def test_a_run_without_faults_ends_well_and_soon(others):
     verdict = carry_out(plan(**others))
     assert verdict.complaints == []
+    # Of virtual time: to load, 6 s of simulation at most, and to end.
     assert verdict.seconds < 15.0
 
 
+# With these seeds, without faults, a request comes in that moment.
 @pytest.mark.parametrize("seed", [20, 67, 91])
 def test_a_run_without_faults_refuses_nothing(seed):
     """A request that comes while its host recalls the same mail is no late one."""
@@ -81,9 +89,10 @@ def test_a_mutation_is_found_and_shrinks_to_its_faults():
     assert carry_out(small).complaints == []
 
 
+# The two hosts.
 ONE = "agents 1"
 OTHER = "agents 2"
-# Until the host has asked.
+# Physics is killed again and again, until the host has asked it.
 AGAIN_AND_AGAIN = [Fault("kill", PHYSICS, 10, delay) for delay in (0.05, 0.5, 1.0)]
 LEAVES_A_BIN = plan(begin=180)
 LOSES_A_HOST = plan(Fault("think", ONE, 20, 0.0, 30.0), patience=4.0, ticks=300)
@@ -92,6 +101,8 @@ LATE_KILL = Fault("kill", PHYSICS, 250)
 STOPS_AND_DIES = plan(
     Fault("stop robots", CLIENT, 10, 0.0, 3.0), Fault("kill", PHYSICS, 10, 0.13), ticks=300
 )
+# A net is a part of the protocol that keeps a promise, by its name in chaos/simulated/mutations.py.
+# For each: a plan that breaks the promise if the net is cut out.
 MISSED = {
     "physics never sends a tick again": plan(has_router=True, has_bare_client=True),
     "requests of the future are not kept": plan(ticks=200, hosts=3, scene="crowd"),
@@ -288,7 +299,8 @@ def test_a_request_to_end_during_a_reset_is_not_forgotten(delay):
     assert verdict.seconds < 60.0
 
 
-# With seed 2 the client changes the scenario.
+# Of runs that are reset and whose disk is full. With seed 2 the client that resets the run changes
+# the scenario, too.
 RESET_AND_FULL = {
     "ticks": 150,
     "delays": Delays(4e-3),
@@ -325,13 +337,13 @@ def test_hosts_build_agents_again_if_a_reset_was_not_kept():
 
 
 def test_a_stop_in_the_tick_of_a_reset_is_of_no_step():
-    """The reset ends the run before the step with the stop is done."""
+    """The reset ends the run before the step with the stop is done. Seed 2571 draws that."""
     assert carry_out(draw(2571)).complaints == []
 
 
 @pytest.mark.parametrize("seed", [2495])
 def test_a_reset_that_begins_in_another_process_was_wanted(seed):
-    """The reset command is killed when physics has just said that it begins the run again."""
+    """As seed 2495 draws, run.py is killed just after physics has begun the run again."""
     assert carry_out(draw(seed)).complaints == []
 
 
@@ -355,7 +367,9 @@ def test_a_run_that_ends_again_early_waits_for_its_hosts(delay):
 
 
 def test_no_schedule_begins_after_the_time_is_over(monkeypatch):
-    """The schedules before that are the same as without a limit, in the same order."""
+    """The clock is 1 s later at each look, and 20 s are allowed. The schedules before that are the
+    same as without a limit, in the same order.
+    """
     times = iter(range(1000))
     monkeypatch.setattr(command, "outcome_of", lambda seed: seed)
     with ThreadPoolExecutor(2) as workers:

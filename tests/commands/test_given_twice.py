@@ -1,9 +1,10 @@
-"""Of an option that has one value the last one counts. That the others are lost is said."""
+"""An option with one value that is given twice: the last value counts, and a message says so."""
 
 import pytest
 from command_line import orchard
 
 
+# Each command ends with code 2, for there is no file no.yaml.
 @pytest.mark.parametrize(
     ("command", "name"),
     [

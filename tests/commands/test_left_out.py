@@ -13,7 +13,7 @@ from orchard.terminal.group import command_of
 
 
 def leave_out(package, monkeypatch):
-    """Let Python find each package but one."""
+    """Let Python find all packages except this one, as if its folder had been removed."""
 
     def find_spec(name):
         return None if name == package else importlib.util.find_spec(name)

@@ -32,15 +32,16 @@ IN_NEED: dict[str, list[list[str]]] = {
     "roads": [["layout", "export", "--lif", "map.json"]],
     "study": [["app"], ["fork", "last", "--at", "1", "--futures", "2"]],
 }
-# One that has been removed already needs no second look.
+# The packages that are in this clone. Of one that is not, there is nothing to remove.
 HERE = [package for package in IN_NEED if (ROOT / "orchard" / package).is_dir()]
 # All of them but `futures`: tests of FOLDERS import that.
 EXTRAS = ["app", "bags", "calibrate", "gym", "optimum", "roads", "study"]
-# Of three packages that stay, tests that need no other process.
+# Tests of three packages that stay. They start no process.
 TESTS = ("tests/plans/test_steps.py", "tests/wire/test_keys.py", "tests/sim/test_deeds.py")
-# Their tests are about other packages than those of extras, and import none of these.
+# Folders of tests whose files import no package of EXTRAS.
 FOLDERS = ("tests/behaviour", "tests/commands", "tests/discrete", "tests/field", "tests/launch")
-# Calls commands in one process, given as JSON. The last line of stdout is what each gives, as JSON.
+# A program that calls commands, given as JSON, in one process. Its last line is a list in JSON:
+# exit code, stdout and stderr of each.
 CALLS = """
 import json, sys
 from called import called

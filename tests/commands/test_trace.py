@@ -12,6 +12,7 @@ SMALL = {"rows": 3, "pickers": 2, "carriers": 1, "row_length": 30.0}
 
 
 def options(folder: Path, **values: object) -> TraceOptions:
+    """Return the options of a trace of the small orchard, with other values in its scenario."""
     path = folder / "scenario.yaml"
     path.write_text(to_yaml(Scenario(**SMALL | values)))
     return TraceOptions(scenario=path, out=folder / "trace.txt")

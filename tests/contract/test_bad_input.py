@@ -1,5 +1,5 @@
-"""Nonsense on every key of a real run: refused, counted, logged once; and the run is the same to
-the last bit.
+"""Nonsense on every key of a run of real processes: it is refused, counted, and logged once; and
+the run is the same to the last bit.
 """
 
 import random
@@ -70,6 +70,9 @@ def wait_for_the_end(fleet, logger):
 
 
 def test_random_bytes_on_every_key_change_nothing(fleet, running, undisturbed):
+    """On each key there are up to 60 random bytes, as a message and as a query. Two messages are
+    worse: a byte that begins no msgpack, and a megabyte, more than a receiver takes.
+    """
     someone, summary, logger = running
     chance = random.Random(1)
     for key in every_key(someone):
@@ -83,12 +86,15 @@ def test_random_bytes_on_every_key_change_nothing(fleet, running, undisturbed):
     assert undisturbed in out
     assert err.count("refused on orchard/picker_01/velocity") == 1, "logged once"
     assert err.count("refused on orchard/bundle") == 1, "by the logger"
+    # There are more than 30 keys that some process receives.
     refused = summary()["messages_refused"]
     assert refused["malformed"] > 30, refused
 
 
 def test_a_client_that_pretends_to_be_physics_is_not_missed(fleet, running, undisturbed):
-    """A client declares a token like that of physics, and withdraws it."""
+    """A client declares a token like that of physics, and withdraws it: no process takes physics
+    for lost.
+    """
     someone, _, logger = running
     someone.declare("orchard/alive/physics/another/one").undeclare()
     assert undisturbed in wait_for_the_end(fleet, logger)[0]

@@ -27,6 +27,8 @@ def checked(class_, ticks=6):
     return played(Local(with_picker(class_), check_agents=True), ticks)
 
 
+# A class of `unrepeatable`, and what is said of it: the tick, the place in its answer that
+# differed, and both values.
 UNREPEATABLE = [
     ("Clockwork", r"tick \d: its answer\.twist: Twist"),
     ("Chancy", r"tick 0: its answer\.twist: Twist\(x=0\.\d+, .*\), then Twist"),
@@ -87,6 +89,8 @@ def test_the_command_line_checks_agents_and_exits_with_1(mode, tick, seconds, tm
 
 
 class Note(msgspec.Struct):
+    """A struct that an agent remembers."""
+
     text: str = ""
     seen: object = None
 
@@ -108,6 +112,7 @@ class Keeper:
         return Action(memory=self.memories[min(observation.tick, len(self.memories) - 1)])
 
 
+# A memory that its bytes do not give back, its type, and what is said of it.
 CHANGED = [
     ({"seen": {3}}, dict, "memory['seen']: set {3}, then list [3]"),
     ({"a": [1, {"b": (1, 2)}]}, dict, "memory['a'][1]['b']: tuple (1, 2), then list [1, 2]"),
@@ -144,6 +149,7 @@ def test_a_memory_that_differs_after_a_kill_is_refused(memory, type_, place, cap
     assert re.search(words, record.getMessage())
 
 
+# A memory that its bytes give back, and its type.
 KEPT = [
     ({"a": math.nan, "b": math.inf, "c": None, "d": b"x"}, dict),
     ({1: [True]}, dict),
@@ -169,6 +175,8 @@ def test_a_memory_of_the_same_bytes_and_another_type_is_refused():
 
 
 class Careless:
+    """Changes its memory in place from its second tick on, and puts a set into it: an error."""
+
     Memory = dict
 
     def tick(self, observation, mail, memory):

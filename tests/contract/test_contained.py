@@ -26,9 +26,11 @@ from orchard.field.rows import balanced, rows_to_pickers
 from orchard.launch.supervisor import MOST_LINES as UNNAMED
 from orchard.processes.agents import made
 
-# Of an x86: the place of the control word in an environment, its bits, and a way to round.
+# C's `fegetenv` gives the floating-point environment of an x86-64 as eight 32-bit words. The last
+# is the control word MXCSR, in which these bits flush small numbers to zero.
 MXCSR = 7
 FLUSH_TO_ZERO = 0x8040
+# FE_UPWARD of C's fenv.h: rounds each result up.
 UPWARD = 0x800
 
 
@@ -41,6 +43,7 @@ def flush_to_zero():
 
 
 needs_x86 = pytest.mark.skipif(platform.machine() != "x86_64", reason="its flags are those of x86")
+# Each changes a setting of the whole process. The limit of recursion leaves 30 calls more.
 SETTINGS = [
     lambda: np.seterr(all="raise"),
     lambda: decimal.getcontext().__setattr__("prec", 3),
@@ -51,7 +54,10 @@ SETTINGS = [
 
 
 def state():
-    """Return what the settings change: two modes, a limit, and sums that flags would spoil."""
+    """Return what SETTINGS change: two modes, a limit, and two results.
+
+    Flushed to zero the smallest number times 1 is 0. Rounded up, 1 + 1e-17 is more than 1.
+    """
     return (
         np.geterr(),
         decimal.getcontext().prec,
@@ -62,15 +68,17 @@ def state():
 
 
 def setting():
-    """Return a holder of one of SETTINGS, which each test fills."""
+    """Do nothing. Each test puts one of SETTINGS in place of this function."""
 
 
 def rule(scenario):
+    """Give rows to pickers as the built-in rule does, and change a setting."""
     setting()
     return balanced(scenario)
 
 
 def factory(layout, names):
+    """Make no agents, and change a setting."""
     setting()
     return dict.fromkeys(names)
 
@@ -89,6 +97,8 @@ class Setter:
 
 
 class SettingNearest(Nearest):
+    """Decides as `nearest`, and changes a setting at each decision."""
+
     def assign(self, now, bins, carriers, memory):
         setting()
         return super().assign(now, bins, carriers, memory)
@@ -99,6 +109,7 @@ def local(**changes):
     played(SMALL.model_copy(update=changes), 3)
 
 
+# Each place where code of a user is called -> a function that does it.
 PLACES = {
     "agent": lambda: local(agents={"picker_01": f"{__name__}.Setter"}),
     "module": lambda: local(agents={"picker_01": "sets_it.Setter"}),
@@ -118,6 +129,7 @@ PLACES = {
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("set_it", SETTINGS)
 def test_what_an_own_class_sets_is_as_before_afterwards(set_it, place, tmp_path, monkeypatch):
+    # A module that changes a setting when it is imported.
     (tmp_path / "sets_it.py").write_text(
         f"import {__name__} as test\ntest.setting()\nfrom {__name__} import *"
     )
@@ -134,6 +146,7 @@ def test_what_an_own_class_sets_is_as_before_afterwards(set_it, place, tmp_path,
         assert state() == before
         assert asked
     finally:
+        # If it fails, no other test must suffer.
         ctypes.CDLL(None).fesetenv(flags)
         np.seterr(**before[0])
         decimal.getcontext().prec = before[1]
@@ -150,6 +163,7 @@ def test_what_an_own_agent_sets_changes_no_hash(set_it, monkeypatch):
 
 def test_what_the_users_own_program_sets_changes_no_hash():
     plain = local_hash(SMALL, 40)
+    # It divides by zero, and its results were kept.
     spans.cache_clear()
     with np.errstate(all="raise"):
         assert local_hash(SMALL, 40) == plain

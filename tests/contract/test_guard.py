@@ -1,5 +1,8 @@
-"""Whatever an own agent returns or raises, it breaks only this agent; and what its guard passes,
-physics accepts and a person can read.
+"""The guard of an agent: `Guard` calls a user's agent, and checks what it returns.
+
+Whatever the agent returns or raises, only this agent is broken; and what its guard passes, physics
+accepts and a person can read. Hypothesis draws actions: right ones (`sound`) in which at most one
+field is replaced by something odd (`slips`).
 """
 
 import asyncio
@@ -49,7 +52,7 @@ class Doing:
 
 
 class Agreeable:
-    """A value that is equal to everything, and has no length and no elements."""
+    """A value that says that it is equal to everything, and 0, and empty: checks by == pass it."""
 
     __eq__ = lambda self, other: True  # noqa: E731
     __ne__ = lambda self, other: False  # noqa: E731
@@ -68,6 +71,8 @@ class Sly(str):
 
 
 class Word(StrEnum):
+    """A text of a type of the user's."""
+
     PICKING = "picking"
 
 
@@ -147,6 +152,7 @@ odd = (
     )
     | anything
 )
+# m/s or rad/s that the guard accepts.
 speeds = st.floats(-100, 100)
 memories = st.dictionaries(st.text(), st.integers(0, 9))
 wild = st.sampled_from([0, 1, True, 101.0, -0.0, math.nan]) | anything
@@ -162,6 +168,7 @@ sound = st.builds(
     texts,
     st.integers(0, 2**53 - 1),
 )
+# Field of an action -> values that are often wrong there.
 slips = {
     "twist": st.builds(Twist, speeds | wild, st.just(0.0) | wild, speeds | wild) | anything,
     "deeds": st.lists(deeds | odd, max_size=18) | st.lists(deeds, max_size=20) | anything,
@@ -186,17 +193,19 @@ slips = {
     "waits_for": anything,
     "steps_done": wild | st.sampled_from(NUMBERS),
 }
+# {field: value} of one slip.
 slip = st.sampled_from(sorted(slips)).flatmap(
     lambda name: slips[name].map(lambda value: {name: value})
 )
 actions = (
     st.builds(lambda action, change: replace(action, **change), sound, slip | st.just({}))
+    # What is no action at all.
     | anything
 )
 
 
 def of_the_guard(action, mail=None):
-    """Return a guard, and what it passes of an action of picker_01."""
+    """Return a guard, and what it passes of an action of picker_01 at tick 7."""
     guard = Guard("picker_01", Doing(action), NAMES)
     return guard, guard.tick(without_body("picker_01", 7), mail or Mail(), {"a": 1})
 
@@ -210,6 +219,7 @@ def test_physics_accepts_whatever_the_guard_passes(wild):
     payload = pack(Velocities(RUN, 7, "host1", {"picker_01": report}))
     velocities, faults = velocities_of(payload)
     assert not faults
+    # Texts are compared, because nan is not equal to nan, and -0.0 is equal to 0.0.
     arrived = velocities.velocities["picker_01"]
     assert repr(arrived) == repr(report)
     assert repr(arrived.answers) == repr(given_by(action))
@@ -230,6 +240,7 @@ def test_physics_accepts_whatever_the_guard_passes(wild):
         read_message(pack(Answered(RUN, 7, body)), Answered, RUN)
 
 
+# What an action has in place of its own fields, and what is said of it. None: no action at all.
 TOO_MUCH = [
     ({"requests": [("carrier_01", Where())] * 60_000}, "60000 requests in one tick; at most 500"),
     ({"requests": [("traffic", Where())] * 9}, "9 requests to traffic in one tick; at most 8"),
@@ -277,17 +288,21 @@ TOO_MUCH = [
 
 @pytest.mark.parametrize(("slip", "words"), TOO_MUCH)
 def test_what_is_too_much_is_told_with_limit_and_figure(slip, words, caplog):
-    _, action = of_the_guard(slip and Action(**{"twist": Twist(x=1.0)} | slip))
+    returned = None if slip is None else Action(**{"twist": Twist(x=1.0)} | slip)
+    _, action = of_the_guard(returned)
+    # It stands, and keeps the memory that it had.
     assert action.state == "broken"
     assert action.twist.x == 0.0
     assert action.memory == {"a": 1}
-    assert len(caplog.text) < 3000, "not the whole of it"
+    assert len(caplog.text) < 3000, "a part of the megabytes of text is shown"
     (record,) = caplog.records
     assert record.getMessage().startswith("picker_01 raised an error at tick 7; it stands.")
     assert re.search(words, record.getMessage())
 
 
 class Unheard(BaseException):
+    """An error whose text cannot be had."""
+
     def __str__(self):
         raise KeyboardInterrupt
 
@@ -334,6 +349,7 @@ def test_ctrl_c_ends_the_program_whatever_agent_works(handler):
         signal.signal(signal.SIGINT, old)
 
 
+# Scenarios in which all kinds of built-in agents and steps are at work.
 HARVESTS = [
     {},
     {"dispatch": "nearest", "route": "two-way", "pickers": 3, "rows": 5},
@@ -354,11 +370,12 @@ def test_built_in_agents_pass_the_guard_of_own_agents(changes, caplog):
         name: Guard(name, AGENTS[kind_of(name)](layout, name), list(layout.agents))
         for name in layout.agents
     }
-    # A bin is unloaded, and its carrier drives back.
+    # In 170 s a bin is unloaded, and its carrier drives back.
     assert local_hash(scenario, 1700, agents) == local_hash(scenario, 1700)
     assert not caplog.records
 
 
+# What a built-in agent raises or returns, and what is said of it.
 GOING_WRONG = [
     (ZeroDivisionError(), "ZeroDivisionError"),
     (Action(Twist(x=math.nan)), "each number must be from"),
@@ -377,13 +394,15 @@ def test_a_built_in_agent_gone_wrong_stands_and_keeps_memory(action, words, capl
 
 
 class NearestOfMine(Nearest):
-    pass
+    """A policy of the user's."""
 
 
 class MyPicker(Picker):
-    pass
+    """A picker of the user's."""
 
 
+# What a scenario names, the class of the agent, and whether no code of the user can have a part in
+# what the agent returns.
 TRUSTED = [
     ({}, Picker, True),
     ({}, MyPicker, False),

@@ -97,6 +97,7 @@ def asking(endpoint, name):
 
 
 def test_who_only_drives_begins_with_a_velocity_for_tick_0(fleet):
+    """A client that only publishes velocities need not join. Until the first one physics waits."""
     fleet.physics(SMALL, "--duration", "2")
     fleet.host("--without", "picker_01")
     assert any(
@@ -124,21 +125,22 @@ def test_an_agent_given_to_local_mode_drives_as_a_named_class():
 
 
 def test_an_agent_that_takes_over_gets_no_foreign_memory():
+    """It takes over at tick 2 from an agent of another class, and at tick 4 from one of its own."""
     local = Local(SMALL)
-    mails = []
+    memories = []
 
     class Counter:
         Memory = list[int]
 
         def tick(self, observation, mail, memory):
-            mails.append(memory)
+            memories.append(memory)
             return Action(memory=[*(memory or ()), observation.tick])
 
     for tick in range(6):
         if tick in (2, 4):
             local.play("picker_01", Counter())
         local.tick()
-    assert mails == [None, [2], [2, 3], [2, 3, 4]]
+    assert memories == [None, [2], [2, 3], [2, 3, 4]]
 
 
 def test_only_an_agent_that_is_there_can_be_replaced():
@@ -206,6 +208,7 @@ def test_texts_of_a_foreign_client_are_printable_at_physics():
 
 
 def test_a_name_counts_more_than_a_kind():
+    """picker_01 has the class of its name, picker_02 that of all pickers, which has no `tick`."""
     local = played(driven_by(picker_01="Eastward", picker="Forgetful"), 1)
     assert [local.actions[name].doing for name in ("picker_01", "picker_02")] == [
         "driving on",
@@ -213,6 +216,7 @@ def test_a_name_counts_more_than_a_kind():
     ]
 
 
+# A class, and what is said of it.
 MISTAKES = [
     ("own_agents.Forgetful", r"no method tick.*own_agents\.py, line \d+"),
     ("own_agents:Unmakeable", r"LookupError: no map \(.*own_agents\.py, line \d+"),

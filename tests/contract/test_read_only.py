@@ -65,7 +65,7 @@ def test_the_layout_that_all_agents_share_cannot_be_changed():
 
 @dataclass
 class Meddler(own_agents.Eastward):
-    """An agent that changes what it is given."""
+    """An agent that changes what it is given: the shape of its scans, its mail, or its scan."""
 
     what: str
     Memory = dict
@@ -93,6 +93,7 @@ def test_the_shape_that_an_agent_gives_its_scan_is_its_own():
 
 
 def test_an_agent_that_changes_its_mail_changes_no_hash():
+    """At the traffic desk stands an agent that does nothing, and then one that changes its mail."""
     hashes = set()
     for traffic in (own_agents.Eastward(None, "traffic"), Meddler("mail")):
         local = Local(SMALL)

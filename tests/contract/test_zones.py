@@ -1,4 +1,7 @@
-"""Zones in front of a laser: that they compare in float32 changes no result."""
+"""Zones in front of a laser: that they compare in float32 changes no result.
+
+A zone is a rectangle in the frame of the laser, m. A return, the end of a beam, is in it or not.
+"""
 
 import numpy as np
 from hypothesis import given
@@ -8,6 +11,7 @@ from hypothesis.extra.numpy import arrays
 from orchard.contract.zone import Zone, beams, in_zone, spans
 from orchard.field.kinds import AROUND, KINDS
 
+# Beyond the range of a laser, so some zones are out of its sight.
 METRES = st.floats(-12.0, 12.0)
 
 
@@ -18,9 +22,10 @@ def zones(draw) -> Zone:
 
 
 def exact(laser, zone: Zone) -> tuple[np.ndarray, np.ndarray]:
-    """Return between which ranges each beam is in a zone, m, float64.
+    """Return between which ranges each beam is in a zone: from, to, each (beams,) float64, m.
 
-    Each axis is compared by itself, where the beam is not across it.
+    Along each axis a beam is between two sides of the zone from one range to another. A beam that
+    is across the axis is there always or never.
     """
     enter = np.zeros(laser.beams)
     leave = np.full(laser.beams, np.inf)
@@ -28,6 +33,7 @@ def exact(laser, zone: Zone) -> tuple[np.ndarray, np.ndarray]:
         beams(laser), (zone.x_min, zone.y_min), (zone.x_max, zone.y_max), strict=True
     ):
         for k, slope in enumerate(direction.tolist()):
+            # Smaller cosines and sines are those of beams across the axis: rounded, not exactly 0.
             if abs(slope) >= 1e-12:
                 first, last = sorted((least / slope, most / slope))
             elif least <= 0.0 <= most:

@@ -19,8 +19,9 @@ from orchard.local import Local
 from orchard.report.bounds import Bounds, proven_seconds
 from orchard.sim.world import World
 
-# Ticks by which each delivery may differ between the models.
+# Ticks by which each delivery may differ between the models: half a second.
 NEAR = 5
+# Six pickers and eight carriers for two places, each of which takes a minute for a bin.
 BUSY: dict[str, Any] = NOBODY | {
     "rows": 6,
     "pickers": 6,
@@ -32,6 +33,7 @@ BUSY: dict[str, Any] = NOBODY | {
     "handling": {"unloading": 60.0},
 }
 BATTERY = {"hours": 0.3, "standing": 0.3, "hours_to_charge": 0.1, "reserve": 0.5}
+# What differs from BUSY.
 CASES: dict[str, dict[str, Any]] = {
     "two places": {},
     "three places, one-way": {
@@ -110,6 +112,8 @@ def test_both_models_deliver_in_the_same_ticks(name: str) -> None:
     proven = proven_seconds(layout)
     assert proven is not None
     assert proven <= run.engine.world.seconds
+    # With a truck or batteries the limit is one of the long run; a short harvest may begin with
+    # empty bins and full batteries, and beat it.
     if not layout.scenario.load_out.has_truck and "battery" not in CASES[name].get("carrying", {}):
         rate = len(ticks) / run.engine.world.seconds
         assert rate <= Bounds(layout).bins_per_hour / 3600.0
@@ -127,21 +131,27 @@ def test_as_many_bins_are_unloaded_at_a_time(bays: int) -> None:
 
 
 def test_a_carrier_stays_until_its_bin_is_empty() -> None:
-    """The carrier ahead leaves first. This one does not move up, and the time so far counts."""
+    """The carrier ahead leaves first. The one behind does not move up, and the time so far counts.
+
+    `bay_ticks`: for how many ticks each bin has been unloaded; 0 if it is not in the bay, or empty.
+    """
     run = Local(busy().scenario, is_hashed=False)
     world = run.engine.world
     needed = run.engine.layout.machines["carrier"].unloading_ticks
-    stays_behind = False
+    has_stayed_behind = False
     while not run.ended:
-        before = world.bay_ticks.copy()
-        was = world.delivered
+        ticks_before = world.bay_ticks.copy()
+        delivered_before = world.delivered
         run.tick()
-        begun = (before > 0).nonzero()[0]
+        begun = (ticks_before > 0).nonzero()[0]
         for bin_ in begun.tolist():
-            is_empty = before[bin_] == needed - 1
-            assert world.bay_ticks[bin_] == (0 if is_empty else before[bin_] + 1)
-        stays_behind |= world.delivered > was and unloading(world) > 0
-    assert stays_behind
+            expected = ticks_before[bin_] + 1
+            if expected == needed:
+                expected = 0
+            assert world.bay_ticks[bin_] == expected
+        is_other_still_there = unloading(world) > 0
+        has_stayed_behind |= world.delivered > delivered_before and is_other_still_there
+    assert has_stayed_behind, "or the harvest says nothing"
 
 
 def test_the_bay_begins_no_bin_for_which_a_trailer_lacks_room() -> None:
@@ -149,6 +159,7 @@ def test_the_bay_begins_no_bin_for_which_a_trailer_lacks_room() -> None:
     world = run.engine.world
     while not run.ended:
         run.tick()
+        # Column 1 of a trailer is the tick at which it is back. Each has room for one bin.
         there = int((world.trailers[:, 1] <= world.tick).sum())
         assert unloading(world) <= there
     assert_good(run)
@@ -162,7 +173,7 @@ def test_more_places_make_a_busy_harvest_shorter() -> None:
 
 @pytest.mark.parametrize("name", ["two places", "few empty bins for trailers"])
 def test_a_harvest_goes_on_from_a_moment_at_the_bay(name: str) -> None:
-    """At each moment some carriers unload, or wait in the bay until it takes their bins."""
+    """At each of five moments two carriers or more unload."""
     run = Local(busy(**CASES[name]).scenario, is_hashed=False)
     world = run.engine.world
     begun = []
@@ -171,6 +182,7 @@ def test_a_harvest_goes_on_from_a_moment_at_the_bay(name: str) -> None:
         before = world.delivered
         run.tick()
         ticks += [run.engine.tick] * (world.delivered - before)
+        # Every 7 s, so that the moments differ.
         if unloading(world) > 1 and run.engine.tick % 70 == 0:
             begun.append(begin_at(moment_of(run)))
     ticks += delivered(run)

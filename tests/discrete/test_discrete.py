@@ -1,4 +1,10 @@
-"""The discrete-event model beside the simulator: the same harvests take the same time."""
+"""The event model beside the simulator: the same harvests take the same time.
+
+`fast` and `full` of examples/fast_and_full.py do a harvest in the event model and in the simulator.
+Both return `seconds`, its length; `wait`, how long a picker waits for a bin on average, s; and
+`busy`, the share of the time in which carriers are at work. `long_run` is a harvest that goes on
+until its rate is steady.
+"""
 
 from statistics import fmean
 from typing import Any
@@ -23,6 +29,7 @@ NOBODY: dict[str, Any] = {
     "weeds": 0,
     "tractor": False,
 }
+# s of work from one failure to the next on average, and s of a repair.
 FAILURE = {"mean_between": 300.0, "mean_repair": 60.0}
 OFTEN = {"mean_between": 60.0, "mean_repair": 60.0}
 SHORT = {"pickers": 2, "carriers": 2, "row_length": 40.0}
@@ -161,13 +168,17 @@ def test_a_harvest_takes_as_long_as_in_the_simulator(name: str) -> None:
     seconds = fast(scenario)
     expected = full(scenario)
     assert seconds["seconds"] == pytest.approx(expected["seconds"], rel=0.005)
-    # By a tick and a half, as carriers hear in other ticks that they are wanted.
+    # Carriers hear in other ticks that they are wanted, so a wait may differ by a tick and a half.
     assert seconds["wait"] == pytest.approx(expected["wait"], rel=0.01, abs=0.15)
     assert seconds["busy"] == pytest.approx(expected["busy"], abs=0.01)
 
 
 @pytest.mark.soak
 def test_no_cell_is_far_from_the_simulator() -> None:
+    """A cell is a size of an orchard with a route and a policy: ROWS/PICKERS/CARRIERS:route:policy.
+
+    `error`: by which share the event model is longer.
+    """
     cells = {cell: [both(scenario_of(cell, **NOBODY))] for cell in CELLS}
     errors = [abs(error(pairs)) for pairs in cells.values()]
     assert len(cells) >= 40
@@ -196,6 +207,7 @@ def test_more_people_lengthen_a_harvest_and_nobody_is_free() -> None:
     seeds = range(1, 5)
     means = [fmean(seconds_with(workers, seed) for seed in seeds) for workers in (0, 5, 50)]
     assert means == sorted(means)
+    # s: five workers cost some seconds, fifty some more.
     assert means[0] + 2.0 < means[1] < means[2] - 10.0
     assert {seconds_with(0, seed) for seed in seeds} == {means[0]}
     assert len({seconds_with(5, seed) for seed in seeds}) == len(seeds)
@@ -216,13 +228,14 @@ def test_in_the_long_run_pickers_with_fewer_rows_keep_up() -> None:
     layout = lay_out(orchard(rows=5, pickers=4, carriers=8, **ONE_WAY))
     assert sorted(len(block.rows) for block in layout.blocks.values()) == [1, 1, 1, 2]
     # In a run of six rows for each picker, all have six.
-    for block in DiscreteHarvest(layout, 6).layout.blocks.values():
+    for block in DiscreteHarvest(layout, rows_each=6).layout.blocks.values():
         assert len(block.rows) == 6
     longer = long_run(layout, 48).bins_per_hour
     assert long_run(layout).bins_per_hour == pytest.approx(longer, rel=0.01)
 
 
 def test_the_long_run_of_slow_pickers_is_no_jam() -> None:
+    """A row of 200 m takes almost three hours. Two pickers fill a bin in that time each."""
     layout = lay_out(orchard(rows=4, pickers=2, carriers=2, row_length=200.0, picking_speed=0.02))
     assert long_run(layout).bins_per_hour == pytest.approx(3600.0 * 2 / (200.0 / 0.02), rel=0.03)
 
@@ -246,13 +259,13 @@ def test_waits_and_shares_are_of_the_same_time_as_the_rate() -> None:
 def _own_drive(layout: Layout) -> float:
     """Return how long a picker drives from a full bin to where it waits for an empty one, s."""
     route = route_of(layout)
-    block = next(iter(layout.blocks.values()))
+    block = layout.blocks["picker_01"]
     first, second = layout.passes(block)[:2]
     lane = layout.lane(first.row)
-    is_east = route.sides[first.end] is route.east
-    start = Pose(
-        lane.west if is_east else lane.east, lane.y, HEADINGS["EAST" if is_east else "WEST"]
-    )
+    if route.sides[first.end] is route.east:
+        start = Pose(lane.west, lane.y, HEADINGS["EAST"])
+    else:
+        start = Pose(lane.east, lane.y, HEADINGS["WEST"])
     steps = route.pick(first, came_over=False) + route.go_on(first, second)
     way = [*timed_steps(steps, start, layout.machines["picker"])]
     return begin_of(FetchEmpty, way) - first.metres / lane.picking_speed
@@ -267,8 +280,8 @@ def test_a_pickers_own_drive_to_the_rows_end_is_no_wait() -> None:
 
 
 def _trip_seconds(layout: Layout) -> float:
-    """Return the mean time of a trip of a carrier outside the queue, s."""
-    harvest = DiscreteHarvest(layout, 16).run()
+    """Return the mean time of a trip of the only carrier outside the queue, s."""
+    harvest = DiscreteHarvest(layout, rows_each=16).run()
     return harvest.carrier_utilisation() * harvest.seconds / harvest.delivered
 
 
@@ -277,12 +290,14 @@ def test_a_harvest_that_waits_for_ever_ends_soon() -> None:
     harvest = DiscreteHarvest(layout).run()
     assert not harvest.is_over
     assert harvest.delivered == 0
+    # Ticks of the event model.
     assert harvest.model.now < 20_000
     with pytest.raises(RuntimeError, match="only 0 bins were delivered: some robots wait for ever"):
         long_run(layout)
 
 
 BATTERY = {"battery": {"hours": 2.0, "hours_to_charge": 1.0}}
+# Short rows that are picked fast; and slow pickers, with batteries that last for many rounds.
 LASTING: list[dict[str, Any]] = [
     {"rows": 4, "pickers": 2, "carriers": 3, "row_length": 20.0},
     {
@@ -317,6 +332,7 @@ def test_a_policy_that_leaves_a_picker_out_has_no_long_run(dispatch: str) -> Non
 
 
 def test_a_harvest_with_a_carrier_flat_before_home_is_not_over() -> None:
+    """The battery, found by trial, lasts until the last bin is at the bay, and not to the queue."""
     layout = lay_out(
         orchard(
             rows=3,

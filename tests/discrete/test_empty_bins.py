@@ -1,4 +1,9 @@
-"""Empty bins that run out at the bay, and come back with trailers or a truck, in both models."""
+"""Empty bins that run out at the bay, and come back with trailers or a truck, in both models.
+
+A carrier that brings a full bin to the bay takes an empty one from the stock there, `empty_bins`.
+Without one the bay does not take its bin, and it waits. A truck takes full bins from the bay, and
+brings as many empty ones; trailers do so when they are back.
+"""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -30,6 +35,8 @@ SMALL: dict[str, Any] = NOBODY | {
     "row_length": 24.0,
     "dispatch": "nearest",
 }
+# A truck that comes every 5 minutes for two bins; and two trailers, for two bins each, that are
+# away for 150 s.
 TRUCK = {"truck": {"every": 300.0, "bins": 2}, "empty_bins": 2}
 TRAILERS = {"seconds_away": 150.0, "trailers": {"count": 2, "bins": 2}, "empty_bins": 3}
 
@@ -50,7 +57,7 @@ class Harvest(NamedTuple):
 
 
 def harvested(layout: Layout) -> Harvest:
-    """Harvest a layout in the simulator, where there are never fewer than no empty bins."""
+    """Harvest a layout in the simulator. Its stock of empty bins never falls below 0."""
     run = Local(layout.scenario, is_hashed=False)
     figures = HarvestFigures()
     ticks = []
@@ -114,6 +121,7 @@ def test_the_event_model_goes_on_with_a_stock_in_use(load_out: dict[str, Any]) -
     run = Local(with_load_out(load_out).scenario, is_hashed=False)
     lengths = []
     while not run.ended:
+        # Moments of all kinds, and more of those in which a bin is unloaded.
         is_in_bay = run.engine.world.bay_ticks.any()
         if run.engine.tick % 211 == 0 or (is_in_bay and run.engine.tick % 5 == 0):
             moment = RunMoment(run.engine.world, run.memories, run.post.written)
@@ -127,9 +135,8 @@ def test_the_event_model_goes_on_with_a_stock_in_use(load_out: dict[str, Any]) -
 
 
 def test_the_bay_waits_for_the_truck_while_bins_are_out() -> None:
-    """Two empty bins are given for the first two full ones.
-
-    The truck brings two at 300 s and 600 s. The last bins wait at the bay when the harvest ends.
+    """Of six bins the first two get the empty bins of the stock. The truck brings two at 300 s and
+    at 600 s. To unload a bin then takes 5 s. The last two wait at the bay when the harvest ends.
     """
     run, ticks, waited = harvested(with_load_out(TRUCK))
     first, *others = [tick / 10.0 for tick in ticks]
@@ -151,7 +158,7 @@ def test_a_stock_for_the_whole_harvest_changes_nothing() -> None:
 
 
 def test_a_truck_takes_no_more_than_its_bins() -> None:
-    """Four full bins wait when the truck comes for two."""
+    """Four full bins wait when the truck comes for two, at 400 s, tick 4,000."""
     layout = with_load_out({"truck": {"every": 400.0, "bins": 2}, "empty_bins": 4})
     run = Local(layout.scenario)
     world = run.engine.world
@@ -165,7 +172,7 @@ def test_a_truck_takes_no_more_than_its_bins() -> None:
 
 
 def test_a_bay_that_waits_long_for_its_truck_is_no_jam() -> None:
-    """For longer than makes a jam, nothing happens."""
+    """For longer than makes a jam, nothing happens: the truck comes every 800 s for one bin."""
     layout = with_load_out({"truck": {"every": 800.0, "bins": 1}, "empty_bins": 1}, rows=3)
     run, ticks, _ = harvested(layout)
     assert [tick // 8000 for tick in ticks] == [0, 1, 2]
@@ -192,8 +199,9 @@ def test_a_carrier_that_gets_flat_in_the_bay_is_unloaded() -> None:
         ticks += [event.tick for event in run.tick() if event.what == "unloaded"]
     assert run.ended == "jammed"
     assert "carrier_02 (standing with a flat battery)" in run.jam
-    assert ticks[-1] > 30_000, "with the first truck"
-    assert run.engine.tick < ticks[-1] + 6_100, "and not until the next truck"
+    assert ticks[-1] > 30_000, "with the first truck, at 3,000 s"
+    # After 600 s in which nothing happens a run is jammed.
+    assert run.engine.tick < ticks[-1] + 6_100, "and not with the next truck"
     harvest = EventHarvest(layout)
     harvest.run()
     assert not harvest.is_over
@@ -201,7 +209,11 @@ def test_a_carrier_that_gets_flat_in_the_bay_is_unloaded() -> None:
 
 
 def test_fewer_empty_bins_let_fewer_trailers_be_away() -> None:
-    """With three empty bins only one of two trailers, of two bins each, can be full."""
+    """With three empty bins only one of two trailers, of two bins each, can be full.
+
+    With two, a trailer leaves only when the one before is back, after 150 s, and the bay has worked
+    for 5 s at least to load it.
+    """
     enough = harvested(with_load_out(TRAILERS | {"empty_bins": 40})).ticks
     few = harvested(with_load_out(TRAILERS)).ticks
     assert few[-1] > enough[-1] + 300
@@ -214,12 +226,14 @@ def test_fewer_empty_bins_let_fewer_trailers_be_away() -> None:
 
 
 def test_truck_and_empty_bins_limit_the_rate() -> None:
+    """Terms of a limit are bins a second. Trailers are away for 150 s; a bin is unloaded in 5 s."""
     few = Bounds(with_load_out(TRUCK))
     assert few.bottleneck == "truck"
     assert few.bins_per_hour == pytest.approx(3600.0 * 2 / 300.0)
     # One trailer of two at a time, and the first bin of the next one is put on it meanwhile.
     fewer = Bounds(with_load_out(TRAILERS))
     assert fewer.terms["trailers"] == pytest.approx(2 / (150.0 + 5.0))
+    # Four empty bins fill both trailers, of two bins each.
     enough = Bounds(with_load_out(TRAILERS | {"empty_bins": 4}))
     assert enough.terms["trailers"] == pytest.approx(4 / (150.0 + 10.0))
 

@@ -1,5 +1,8 @@
 """A load-out: carriers that have unloaded, or trailers that are full, are away for a time, in the
 simulator and in the event model alike.
+
+The load-out is a place beyond the orchard, to which bins are hauled. The time away is given
+(`seconds_away`), or follows from the way there: twice `metres` at `speed`, and `seconds` there.
 """
 
 from collections.abc import Iterator
@@ -102,7 +105,7 @@ def load_outs(seed: int, count: int) -> Iterator[Layout]:
 def errors(seed: int, count: int) -> list[float]:
     """Return by which share the event model differs in each of some drawn harvests.
 
-    Each share must be within its bound.
+    No harvest is shorter than is proven to be possible, or brings more than its limit.
     """
     shares = []
     for layout in load_outs(seed, count):
@@ -168,11 +171,14 @@ def test_a_carrier_that_is_away_takes_no_call() -> None:
         assert run.actions[away].state == "hauling"
         assert run.memories[away].job is not None
         run.tick()
+    # 100 s.
     assert run.engine.tick - begun == pytest.approx(1000, abs=2)
 
 
 def test_a_carrier_that_is_away_is_busy_and_no_jam() -> None:
-    """All robots wait for the only carrier, for longer than makes a jam."""
+    """All robots wait for the only carrier, which is away for 700 s with each of three bins: longer
+    than the 600 s of a jam.
+    """
     layout = small(rows=3, carriers=1, load_out={"seconds_away": 700.0})
     run = harvested(layout)
     run.engine.account()
@@ -183,7 +189,10 @@ def test_a_carrier_that_is_away_is_busy_and_no_jam() -> None:
 
 
 def test_a_way_to_the_load_out_uses_the_battery() -> None:
-    """The carrier drives for 60 s there and back, and stands for 100 s at a fifth of the power."""
+    """The carrier drives 2 * 90 m at 3 m/s, for 60 s, and stands for 100 s at a fifth of the power.
+
+    It does so with four bins. A battery lasts for 2 h, 7,200 s, of driving.
+    """
     values = {"carriers": 1, "carrying": {"battery": {"hours": 2.0}}}
     near = harvested(small(**values)).engine.world
     far = harvested(
@@ -197,11 +206,14 @@ def test_a_way_to_the_load_out_uses_the_battery() -> None:
 def test_limit_and_losses_know_the_load_out() -> None:
     usual = small()
     away = small(load_out=AWAY)
+    # A round is longer by the 100 s away, less what it takes to drive up to the head of the line,
+    # which a carrier saves that has been away.
     longer = Bounds(away).cycle_seconds - Bounds(usual).cycle_seconds
     assert 80.0 < longer <= 100.0
     seconds = simulated(away)
     parts = lost_seconds(away, seconds)
     assert sum(parts.values()) == pytest.approx(seconds, abs=0.5)
+    # The time away is a part of the shortest possible harvest, and no traffic.
     assert parts["optimum"] > lost_seconds(usual, simulated(usual))["optimum"] + 90.0
     assert parts["traffic"] < 0.1 * seconds
 
@@ -210,6 +222,7 @@ def test_time_at_the_load_out_is_charged_as_standing() -> None:
     """A battery that loses nothing while its carrier stands loses nothing there, however long."""
     battery = {"hours": 2.0, "hours_to_charge": 1.0, "standing": 0.0}
     charging = []
+    # Time to charge for each bin, of both pickers: first with a short stay there, then with a long.
     for seconds in (60.0, 160.0):
         away = {"metres": 400.0, "speed": 4.0, "seconds": seconds}
         layout = small(load_out=away, carrying={"battery": battery}, chargers=1)
@@ -285,6 +298,7 @@ def test_a_larger_trailer_or_a_second_one_brings_more() -> None:
 
 
 def test_trailers_limit_the_rate() -> None:
+    """One trailer for one bin brings a bin every 150 s and the 5 s in which it is loaded."""
     few = Bounds(with_trailers(1, 1, picking_speed=1.0, carriers=6))
     assert few.bottleneck == "trailers"
     assert few.bins_per_hour == pytest.approx(3600.0 / 155.0)
@@ -300,7 +314,9 @@ def test_carriers_use_no_battery_for_trailers() -> None:
 
 
 def test_a_run_goes_on_equally_while_a_trailer_is_away() -> None:
+    """A fork may shorten the time away, but not change the trailers: bins stand on them."""
     run = Local(with_trailers(1, 2).scenario)
+    # Column 1 is the tick at which the trailer is back; 0: it has not left yet.
     while not run.engine.world.trailers[0, 1]:
         run.tick()
     again = Local.resume(run.snapshot())
@@ -332,6 +348,9 @@ def test_a_run_goes_on_equally_from_the_middle_of_a_haul() -> None:
 
 
 def test_a_fork_in_the_middle_of_a_haul_takes_the_other_time() -> None:
+    """The carrier has been away for 30 s of 100. In the fork it should be away for 20 s only, so it
+    is back at once.
+    """
     run = run_until_away(small(load_out=AWAY))
     for _ in range(300):
         run.tick()
@@ -363,9 +382,11 @@ def test_a_fork_cannot_add_a_load_out() -> None:
 
 
 def test_the_event_model_goes_on_from_the_middle_of_a_haul() -> None:
+    """Begun at any tick of the run, also during a haul, the event model ends as the run does."""
     run = run_until_away(small(load_out=AWAY))
     models = []
     while not run.ended:
+        # Every 37.1 s: the moments are of different kinds.
         if run.engine.tick % 371 == 0:
             moment = RunMoment(run.engine.world, run.memories, run.post.written)
             models.append(begin_at(moment).run().seconds)
@@ -387,6 +408,7 @@ def test_a_carrier_that_gets_flat_before_its_haul_is_a_jam() -> None:
         carriers=1,
         row_length=60.0,
         picking_speed=1.0,
+        # Found by trial: enough for the way to the bay, and not for the way home.
         carrying={"battery": {"hours": 0.0552}},
         load_out={"seconds_away": 20.0},
     )
@@ -397,6 +419,7 @@ def test_a_carrier_that_gets_flat_before_its_haul_is_a_jam() -> None:
 
 
 def test_the_event_model_goes_on_from_a_haul_before_charging() -> None:
+    """A carrier whose battery is low charges when it is back from the load-out."""
     battery = {"hours": 0.2, "hours_to_charge": 0.05, "reserve": 0.5}
     away = {"metres": 150.0, "speed": 5.0, "seconds": 60.0}
     layout = small(rows=6, chargers=1, carrying={"battery": battery}, load_out=away)

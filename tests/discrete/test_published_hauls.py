@@ -1,4 +1,8 @@
-"""What shipped scenarios with trailers bring, as docs/how-to.md tells it."""
+"""What shipped scenarios with trailers bring, as a table of docs/how-to.md tells it.
+
+Each line of the table is a test: its first cells name the scenario, its last ones the limit and the
+rate, bins an hour.
+"""
 
 from pathlib import Path
 from statistics import fmean
@@ -23,6 +27,7 @@ NOBODY: dict[str, Any] = {
     "tractor": False,
     "dispatch": "predictive",
 }
+# Harvests of which the table has the mean: with seeds 1 and 2.
 SEEDS = 2
 
 
@@ -50,7 +55,10 @@ def harvest_of(line: list[str]) -> dict[str, Any]:
 
 
 def rate(values: dict[str, Any]) -> float:
-    """Return the bins an hour in the middle of harvests, as the mean over some seeds."""
+    """Return the bins an hour in the middle of harvests, as the mean over some seeds.
+
+    The first and the last fifth of the bins are left out: then some pickers begin or are done.
+    """
     rates = []
     for seed in range(1, SEEDS + 1):
         scenario = Scenario.model_validate(values | {"seed": seed})

@@ -1,4 +1,8 @@
-"""Carriers that are sent before a bin is full, and the forecasts that send them."""
+"""Carriers that are sent before a bin is full, and the forecasts by which they are sent.
+
+Such a carrier must not drive into the lane before its picker has left the bin there: it would shut
+the picker in. So it holds (stands) at a line on the road before the lane.
+"""
 
 import pytest
 from local_runs import local_hash
@@ -14,6 +18,9 @@ from orchard.sim.lookahead import CheckedHolds
 
 
 def test_no_agent_of_an_early_harvest_holds_too_long(caplog):
+    """Here a hold is the time for which an agent says that its velocity stands (docs/protocol.md).
+    `CheckedHolds` asks each agent all the same, and logs where the velocity differs.
+    """
     local_hash(small_orchard("predictive", rows=3, picking_speed=0.7), 2500, holds=CheckedHolds)
     assert "holds wrongly" not in caplog.text
 
@@ -27,6 +34,7 @@ def too_early() -> Stage:
 
 def test_an_early_carrier_holds_until_the_bin_is_left():
     stage = too_early()
+    # y of the line at which it holds; it comes from the north.
     hold = stage.world.layout.lane(1).y + route.OneWay.HOLD
     stage.run_until(lambda: stage.pose("carrier_01")[1] < hold + 1e-6, 100)
     stage.run(20)
@@ -82,12 +90,15 @@ def test_a_forecast_comes_true():
         for ripening, foreseen_seconds in forecasts:
             assert ripening.lane == lane
             assert ripening.side == side
+            # Two ticks and a half: a bin is full at the end of a tick.
             assert abs(foreseen_seconds - stage.seconds) < 0.25
         stage.run_until(lambda: not stage.bin_of("picker_01"))
 
 
 def forecasts_until_full(stage: Stage, forecast: Forecast) -> list[tuple[Ripening, float]]:
-    """Run until the bin of picker_01 is full. Return each tick's forecast, and its time in s."""
+    """Run until the bin of picker_01 is full. Return of each tick that has one the forecast, and
+    when the bin will be full by it, s since the start.
+    """
     forecasts = []
     bin_name = ""
     while not bin_name or not stage.is_full(bin_name):
@@ -95,6 +106,7 @@ def forecasts_until_full(stage: Stage, forecast: Forecast) -> list[tuple[Ripenin
         bin_name = stage.bin_of("picker_01")
         if not bin_name:
             continue
+        # 0.5 m/s is the picking speed.
         seen = stage.local.engine.observe()[bin_name]
         ripening = forecast.of(seen, seen.hitch, 0.5)
         if ripening is not None:

@@ -45,6 +45,9 @@ def decide(
     return [tuple(order) for order in dispatch.assign(1000, bins, carriers, dispatch.Memory())]
 
 
+# Reports of bins, as policies get them. `since`: the tick at which the bin began to report.
+# `metres`: from the queue. `seconds_to_reach`: that a carrier needs until it is there.
+#
 # A full bin near the queue, and one far from it.
 NEAR = BinReport(
     "bin_01",
@@ -95,6 +98,7 @@ DECISIONS = {
     "nearest": ["bin_01", "bin_02"],
     "longest-waiting": ["bin_01", "bin_02"],
     "farthest-first": ["bin_02", "bin_01"],
+    # It decides for all carriers together. With one, the nearest bin gets it.
     "assignment": ["bin_01"],
     "predictive": ["bin_02", "bin_01"],
     "predictive-farthest": ["bin_02", "bin_01"],
@@ -196,7 +200,10 @@ def test_predictive_serves_a_near_bin_beside_a_busy_far_one():
 
 
 def test_predictive_knows_since_when_a_bin_is_full():
-    """The bin that was full first is served first, and a new call of a bin counts from its time."""
+    """The bin that was full first is served first, and a new call of a bin counts from its time.
+
+    The policy remembers when bins will be full that it hears of. At tick 1,500 both are full.
+    """
     predictive = policy("predictive")
     memory = predictive.Memory()
 
@@ -267,7 +274,7 @@ def test_a_policy_whose_package_is_missing_names_the_package():
         check_plugins(lay_out(empty_orchard(dispatch="own_policies.Lacking")))
 
 
-# A null byte is no Python, and Python does not say in which file it has found it.
+# Python refuses a source with a null byte, and does not say in which file it has found it.
 NO_SOURCE = "\0"
 # A policy, the files of its module, and where the error says that the null byte is.
 UNREADABLE = {
@@ -317,6 +324,7 @@ def test_a_harvest_with_each_policy_is_complete(name):
 
 
 def test_early_carriers_make_the_harvest_shorter():
+    """`predictive` sends carriers before bins are full; the other two do not."""
     assert (
         harvested("predictive").seconds
         < harvested("farthest-first").seconds
@@ -325,7 +333,8 @@ def test_early_carriers_make_the_harvest_shorter():
 
 
 @pytest.mark.parametrize("name", ["farthest-first", "predictive", "rolling"])
-def test_agents_started_afresh_at_every_tick_harvest_alike(name):
+def test_agents_started_afresh_often_harvest_alike(name):
+    """They are made anew from their memories at every 25th tick, and asked at each tick."""
     whole = harvested(name)
     local = Local(small_orchard(name, row_length=20.0), holds=IgnoredHolds)
     while not local.engine.over:
@@ -389,7 +398,7 @@ def test_the_mistake_of_a_policy_is_named_once_and_counted(name, caplog):
 
 
 def test_a_mistake_may_end_the_harvest_in_lockstep_at_its_tick(fleet):
-    """The scenario can say that a refused order ends the run."""
+    """The scenario says that a refused order ends the run. It ends at the tick of local mode."""
     scenario = small_orchard("own_policies.Raising", rows=3, dispatch_errors="end")
     stage = Stage(scenario, is_hashed=True)
     stage.run_until(lambda: stage.account.fault == "refused", 200)

@@ -1,4 +1,9 @@
-"""The dispatch policy `rolling`: what it gains, what it foresees, and that it leaves nobody out."""
+"""The dispatch policy `rolling`: what it gains, what it foresees, and that it leaves no picker out.
+
+At each decision it lets a coarse model, the roll-out, carry on the harvest for each bin that could
+get the carrier, and takes the bin with which the harvest ends first. A course is the way of a picker
+from one bin to the next.
+"""
 
 from collections import Counter
 from typing import Any
@@ -13,6 +18,7 @@ from orchard.dispatch.rolling import AHEAD, NextBin, Rolling
 from orchard.dispatch.rollout import AWAY, RollOut
 from orchard.field.scenario import TIME_STEP
 
+# Orchards in which carriers are short, so that it matters where they go.
 LOADED: list[dict[str, Any]] = [
     {"rows": 10, "pickers": 5, "carriers": 5},
     {"rows": 16, "pickers": 16, "carriers": 12},
@@ -33,14 +39,17 @@ def orchard(**values: Any) -> Any:
 
 @pytest.mark.parametrize("values", LOADED)
 def test_it_makes_harvests_shorter_in_which_carriers_are_short(values):
-    assert (
-        DiscreteHarvest(orchard(**values)).run().seconds
-        < 0.95 * DiscreteHarvest(orchard(**values, dispatch="predictive")).run().seconds
-    )
+    """By 5 % at least, beside `predictive`."""
+    rolling = DiscreteHarvest(orchard(**values)).run().seconds
+    predictive = DiscreteHarvest(orchard(**values, dispatch="predictive")).run().seconds
+    assert rolling < 0.95 * predictive
 
 
 @pytest.mark.parametrize("values", LOADED)
 def test_it_foresees_when_all_bins_are_home(values, monkeypatch):
+    """The value of a bin is the tick at which all bins are home if it is served next. The least of
+    the first values is the end as it is foreseen at the first decision.
+    """
     ends = list[float]()
     value = Rolling.value
 
@@ -61,6 +70,7 @@ def test_the_first_of_several_lines_leaves_first():
         plan.come_out(picker, 0, stop=0)
     plan.go_on(lines)
     plan.run(1)
+    # In the first tick one carrier leaves from each of the four lines.
     assert [robot.line for robot in plan.robots if robot.line != AWAY] == lines
     assert lines == [0, 1, 2, 3]
 
@@ -82,6 +92,9 @@ def test_it_decides_as_predictive_where_it_cannot_look_ahead():
 
 
 def test_no_picker_is_left_out_while_others_go_on():
+    """There is one carrier for three pickers of twelve rows each. No picker may get more than
+    `AHEAD` bins more than another one.
+    """
     layout = orchard(rows=36, pickers=3, carriers=1, row_length=30.0)
     served = Counter[str]()
     ahead = list[int]()
@@ -94,6 +107,9 @@ def test_no_picker_is_left_out_while_others_go_on():
 
 
 def test_a_bin_whose_carrier_does_not_come_gets_another():
+    """The bin is still there 30 s after carrier_01 was sent. Both trips are for the first bin of
+    the picker, number 0; its next bin is number 1.
+    """
     policy = Rolling(orchard(rows=4, pickers=2, carriers=2))
     memory = policy.Memory()
     report = BinReport("bin_01", 1, "east", "picker_01", since=900, metres=30.0)

@@ -1,4 +1,8 @@
-"""What it costs that `rolling` foresees no waits for trailers and the truck."""
+"""What it costs that the policy `rolling` foresees no waits for trailers and the truck.
+
+Without a trailer, or without an empty bin that a truck brings, a carrier waits in the bay with its
+full bin. `rolling` looks ahead, but not at these waits.
+"""
 
 from random import Random
 from statistics import fmean
@@ -11,6 +15,7 @@ from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 
+# How many random harvests are compared.
 HARVESTS = 150
 
 
@@ -55,6 +60,7 @@ def test_soak_rolling_is_no_worse_where_carriers_wait() -> None:
 
     On average that costs nothing against `predictive`, which foresees none either.
     """
+    # By how many per cent a harvest takes longer with `rolling`.
     more = []
     for values in harvests(HARVESTS):
         predictive = seconds(values, "predictive")

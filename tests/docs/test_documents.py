@@ -57,7 +57,7 @@ KEYS_OF_REALTIME = ("ticks_late", "velocities_missed", "answer_milliseconds")
 KEYS_OF_SOME_RUNS = (*KEYS_OF_RECORDED, "forked_from", *KEYS_OF_REALTIME)
 
 
-# s of a harvest, simulated.
+# Simulated s after which harvests of documents are ended here.
 BRIEF = "5"
 
 
@@ -141,7 +141,7 @@ def test_the_library_reference_says_arguments_and_errors():
 
 
 def test_the_summarys_document_has_all_its_keys(tmp_path):
-    """The keys are those of a local run, and six that only a recording or realtime adds."""
+    """The keys are those of a local run, and those that a recording, a fork or realtime adds."""
     request = RunRequest(
         HarvestOptions(mode="local", duration=0.5), Scenario(rows=3), None, tmp_path
     )
@@ -168,7 +168,7 @@ def test_the_readmes_speeds_are_those_of_the_benchmarks():
         line.strip("|* ").replace("*", "").split(" | ")
         for line in (ROOT / "bench" / "results.md").read_text().splitlines()
     ]
-    # With 30 robots.
+    # The third cell is the rate with 30 robots.
     rates = {row[0]: row[2].strip() for row in rows if len(row) == 6}
     assert said == (rates["our core"], rates["ir-sim 2.12.0"], rates["Stage 4.3 at 0.1 m, quoted"])
 
@@ -306,4 +306,5 @@ def test_the_two_terminals_of_the_tutorial(tmp_path):
             one.communicate(timeout=PATIENCE)
         finally:
             one.kill()
+    # 10 s are 100 ticks.
     assert summary_of(tmp_path / "summary.json")["hash"] == local_hash(Scenario(rows=3), 100)

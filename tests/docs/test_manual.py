@@ -1,5 +1,7 @@
-"""What docs/manual.md says of the default, and of the options that restore the manual's way, is
-what a run does.
+"""What docs/manual.md says is what a run does.
+
+The manual is that of the system of 2015 which the Orchard simulates. By default the Orchard differs
+from it; with the options of the page a run is as in the manual. Both are looked at here.
 """
 
 from functools import cache
@@ -17,8 +19,9 @@ from orchard.local import Local
 
 DEFAULT = Scenario()
 MANUAL = parse(block("docs/manual.md", "manual"))
+# Both without people, animals, weeds and tractor.
 QUIET = {"default": with_changes(DEFAULT, **ALONE), "manual": with_changes(MANUAL, **ALONE)}
-# Bins: after the second one both carriers have been at the bay.
+# A course ends when two bins are unloaded: then both carriers have been at the bay.
 UNLOADED = 2
 
 # Lengths, widths and heights of the manual, m.
@@ -43,7 +46,7 @@ class Course:
         # (tick, sender, recipient, message).
         self.letters = []
         self.events = []
-        # Carrier -> y, m.
+        # Carrier -> the least y at which it has been, m.
         self.southmost = dict.fromkeys(self.carriers, float("inf"))
         while self.local.engine.world.delivered < UNLOADED:
             self._tick()
@@ -92,6 +95,7 @@ def test_the_queue_is_at_the_top_left_or_right():
 
 
 def test_only_by_the_manual_carriers_drive_around_the_bottom():
+    """That road is more than 3 m south of the last row."""
     last = course("default").layout.lanes[-1].y
     assert min(course("default").southmost.values()) > last - 3.0
     assert max(course("manual").southmost.values()) < last - 3.0
@@ -137,18 +141,22 @@ def test_a_picker_goes_on_before_its_full_bin_is_taken(name):
 
 
 def test_every_second_picker_starts_at_the_other_end():
+    """By default; by the manual all pickers start in the west."""
 
-    def starts(scenario: Scenario) -> list[bool]:
+    def start_in_the_west(scenario: Scenario) -> list[bool]:
         layout = lay_out(scenario)
         return [start.pose.x < layout.middle for start in layout.starts if start.kind == "picker"]
 
-    assert starts(with_changes(DEFAULT, pickers=4)) == [True, False, True, False]
-    assert starts(with_changes(MANUAL, pickers=4)) == [True] * 4
-    assert starts(Scenario(pickers=4, rows_to_pickers="balanced")) == [True] * 4
+    assert start_in_the_west(with_changes(DEFAULT, pickers=4)) == [True, False, True, False]
+    assert start_in_the_west(with_changes(MANUAL, pickers=4)) == [True] * 4
+    assert start_in_the_west(Scenario(pickers=4, rows_to_pickers="balanced")) == [True] * 4
 
 
 def test_counts_have_the_limits_that_the_page_names():
-    """The counts are those of rows, pickers and carriers."""
+    """The counts are those of rows, pickers and carriers.
+
+    By default there are 7 carriers for every 10 pickers, rounded up.
+    """
     assert lay_out(Scenario(rows=100, pickers=60, carriers=1)).scenario.rows == 100
     for wrong in ({"rows": 101}, {"rows": 2}, {"rows": 5, "pickers": 6}, {"carriers": 121}):
         with pytest.raises(ScenarioError):

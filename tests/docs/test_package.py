@@ -21,10 +21,13 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).parents[2]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 PROJECT = PYPROJECT["project"]
+# The extras that a user may install.
 OF_USERS = [
     name for name in PROJECT["optional-dependencies"] if name not in ("dev", "docs", "release")
 ]
+# Stubs for mypy: only a clone needs them, so they are not installed.
 OF_A_CLONE = [ROOT / "orchard" / "processes.pyi", ROOT / "orchard" / "bags" / "plain.pyi"]
+# Package -> its exact version, of constraints.txt.
 PINNED = dict(re.findall(r"^([\w.-]+)==(\S+)$", (ROOT / "constraints.txt").read_text(), re.M))
 
 
@@ -142,6 +145,7 @@ def test_the_quick_part_of_the_suite_is_there():
     assert [path for path in re.findall(r"tests/\S+", out) if not (ROOT / path).exists()] == []
 
 
+# What pip-audit prints of a package with a known vulnerability, and of one without.
 VULNERABLE = '{"dependencies": [{"name": "pycrypto", "vulns": [{"id": "CVE-1"}]}]}'
 SOUND = '{"dependencies": [{"name": "numpy", "vulns": []}]}'
 
@@ -184,6 +188,10 @@ SOUND = '{"dependencies": [{"name": "numpy", "vulns": []}]}'
     ],
 )
 def test_nothing_known_is_told_from_not_checked(of_the_vulnerable, of_ours, code, words, tmp_path):
+    """.ci/vulnerabilities.py first asks pip-audit about an old package that is known to be
+    vulnerable. If nothing is reported of it, the registry has no such data, and silence about our
+    packages says nothing. Here a program that prints these answers stands in for pip-audit.
+    """
     audit = tmp_path / "pip-audit"
     packages = tmp_path / "packages.txt"
     answers = f"{of_the_vulnerable!r} if 'pycrypto' in open(sys.argv[-1]).read() else {of_ours!r}"

@@ -11,6 +11,7 @@ from code_blocks import ROOT
 from patience import PATIENCE
 from recipe_edits import EDITS
 
+# The heading of each recipe, such as "A new event" -> its text.
 RECIPES = dict(
     re.findall(
         r"^\*\*(A new [^*]+)\*\*(.*?)(?=^\*\*|\Z)",
@@ -20,10 +21,10 @@ RECIPES = dict(
 )
 PARTS = ("orchard", "processes", "config", "bridges", "docs", "tests", "chaos", "bench", "examples")
 LEFT_OUT = shutil.ignore_patterns("*.pyc", "*.webp", "*.png")
-# Of a step with one of these words a recipe may have nothing to do.
+# Words of steps in which a recipe need not edit anything.
 OPTIONAL = ("nothing", " if ")
-# Of the tests that a recipe names, those that tell most of it, as pytest selects them. Generated
-# files are up to date here: they have just been made.
+# Parts of names of tests, as `pytest -k` takes them: those, of the tests that a recipe names, that
+# tell most of it. Tests of generated files are not among them, for these have just been made.
 QUICK = {
     "A new event": "tips or coupling_and or same_seed or cells_of_tables",
     "A new message between agents": "hears_how_long or letters_arrive or cells_of_tables",
@@ -70,9 +71,9 @@ def is_in(file: str, path: str) -> bool:
 
 
 def test_each_recipe_leads_to_its_end(tmp_path):
-    """All recipes are carried out in one copy, and the quick ones of the tests they name pass.
+    """All recipes are carried out in one copy, and the tests of QUICK pass there.
 
-    Of a folder those tests run that the recipe edits. A copy for each recipe would cost minutes.
+    A copy for each recipe would cost minutes.
     """
     for part in PARTS:
         shutil.copytree(ROOT / part, tmp_path / part, ignore=LEFT_OUT)

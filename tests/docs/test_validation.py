@@ -1,4 +1,8 @@
-"""Published figures beside ours: docs/validation.md."""
+"""Published figures beside ours: docs/validation.md, which docs/validation.py writes.
+
+A figure is a share, %, or a rate. It has a published range, `low` to `high`, and agrees if ours is
+near enough to it.
+"""
 
 import json
 import re
@@ -16,6 +20,7 @@ FIGURE = {figure.quantity: figure for figure in FIGURES}
 
 
 @pytest.mark.parametrize(
+    # The published range, our figure, and whether it agrees.
     ("low", "high", "here", "expected"),
     [
         (20.0, 30.0, 15.5, True),
@@ -57,7 +62,8 @@ def test_what_could_hardly_fail_does_not_count():
     figures = lines[1:]
     agreeing = [line for line in figures if "| agrees" in line]
     marked = Counter(re.findall(r"\| ([^|]*), does not count: ", text))
-    # The boxes of the forklift, and ten reactive robots, of which one run gives two figures.
+    # Fitted are the boxes of the forklift, and ten reactive robots, of which one run gives two
+    # figures.
     assert marked == {"fitted": 3, "could hardly fail": 3, "advice": 1}
     counted = len(figures) - marked.total()
     assert f"**{len(agreeing)} of {counted} agree.**" in text
@@ -70,11 +76,12 @@ def test_bins_stand_beside_a_count_of_tractors():
     So the page has the bins that they bring, and the bins that people could pick.
     """
     rates = {}
+    # Trailers an hour that so many tractors bring: the third one brings little.
     for carriers, trailers in ((1, 5.0), (2, 8.0), (3, 9.0), (4, 9.1)):
         rates[f"gangs 2013, {carriers}"] = trailers
     tractors = FIGURE["tractors for 40 people"]
     assert tractors.answer(rates) == 5.0
-    # Nine trailers of three bins; and 0.6 of them an hour and person.
+    # Nine trailers of three bins an hour. 0.6 trailers of each of 40 people would be 72 bins.
     assert "3 drive, and bring 27 of the 72 bins an hour" in tractors.explained(rates)
 
 

@@ -20,7 +20,7 @@ from orchard.field.queue import CLOSED_UP, ONE_WAY, USUAL_ROW
 from orchard.field.repeatable import QUARTER
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.field.survey import TRUNK
-from orchard.plans import course, driving, robot_memory, sense
+from orchard.plans import course, robot_memory, sense
 from orchard.plans.route import OneWay
 from orchard.plans.two_way import TwoWay
 from orchard.sim import deeds

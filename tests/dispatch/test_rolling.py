@@ -1,8 +1,8 @@
 """The dispatch policy `rolling`: what it gains, what it foresees, and that it leaves no picker out.
 
 At each decision it lets a coarse model, the roll-out, carry on the harvest for each bin that could
-get the carrier, and takes the bin with which the harvest ends first. A course is the way of a picker
-from one bin to the next.
+get the carrier, and takes the bin with which the harvest ends first. A course is the way of a
+picker from one bin to the next.
 """
 
 from collections import Counter

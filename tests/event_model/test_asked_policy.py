@@ -1,4 +1,7 @@
-"""A built-in policy in Python is asked only when it can send a carrier, and decides the same."""
+"""A built-in policy in Python (`rolling`, the default) is asked only when it can send a carrier.
+
+So it decides the same as if it were asked each time: when a bin reports, or a carrier is free.
+"""
 
 import pytest
 from quiet import NOBODY
@@ -9,6 +12,7 @@ from orchard.event_model.program import Program
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 
+# What differs from a small quiet orchard.
 CREWS = [
     {"rows": 4, "pickers": 2, "carriers": 2, "picking_speed": 0.5},
     {"rows": 5, "pickers": 5, "carriers": 2, "picking_speed": 0.3, "bins_per_row": 2.0},
@@ -39,6 +43,7 @@ class CountedHarvest(EventHarvest):
 
 
 def harvest_of(crew: dict) -> CountedHarvest:
+    """Return a harvest of a crew that has not begun."""
     return CountedHarvest(lay_out(Scenario(**NOBODY | {"row_length": 24.0} | crew)))
 
 
@@ -55,6 +60,7 @@ def test_a_policy_is_asked_when_it_can_send_a_carrier(crew) -> None:
 def test_a_policy_that_is_asked_each_time_decides_the_same(crew) -> None:
     harvest = harvest_of(crew)
     harvest.run()
+    # So the machine stops at each report, and the policy does not say when it decides.
     each_time = harvest_of(crew)
     each_time.model.desk.policy = c.IN_PYTHON_EARLY
     assert each_time.asked_policy is not None
@@ -66,7 +72,11 @@ def test_a_policy_that_is_asked_each_time_decides_the_same(crew) -> None:
 
 
 def test_questions_in_between_take_over_no_arrays(monkeypatch) -> None:
-    """To take over the arrays of the program takes longer than all else between two questions."""
+    """To take over the arrays of the program takes longer than all else between two questions.
+
+    It is needed only when the program has grown, as by the first job to a lane.
+    """
+    # How many ops the program had each time.
     taken = []
 
     def counted(program: Program) -> dict:
@@ -81,4 +91,4 @@ def test_questions_in_between_take_over_no_arrays(monkeypatch) -> None:
     harvest.asked_policy.decides_when_due = False
     harvest.run()
     assert harvest.questions > 5 * len(taken)
-    assert taken == sorted(set(taken))
+    assert taken == sorted(set(taken)), "each time it had grown"

@@ -1,4 +1,8 @@
-"""The bay of the event model: which bins it takes before another one."""
+"""The bay of the event model: which bins it takes before another one.
+
+Carriers come from the east, and stand in the bay at places that are 4.1 m apart: the first place is
+the one with the greatest x. `bins_before` is called with what it reads of the machine, and no more.
+"""
 
 from types import SimpleNamespace
 
@@ -6,11 +10,15 @@ from orchard.event_model import codes as c
 from orchard.event_model.kernel.bay import bins_before
 from orchard.event_model.plain import as_python
 
+# What each carrier does now.
 UNLOADS = SimpleNamespace(kind=c.UNLOAD)
 
 
 def in_bay(x: float, is_taken: bool) -> SimpleNamespace:
-    """Return a carrier that stands in the bay with a full bin."""
+    """Return a carrier that stands in the bay at x, m, with a full bin.
+
+    `is_taken`: whether the bay has begun to unload it.
+    """
     return SimpleNamespace(state=c.LASTING, op=0, x=x, is_taken=is_taken)
 
 

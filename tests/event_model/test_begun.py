@@ -1,4 +1,8 @@
-"""A harvest of the event model that goes on from a moment of a run in the simulator."""
+"""A harvest of the event model that goes on from a moment of a run in the simulator.
+
+A moment (`RunMoment`) is the world, what agents remember, and the letters under way. From it on the
+harvest must deliver bins in the same ticks as the run, or nearly.
+"""
 
 from collections.abc import Iterator
 from copy import deepcopy
@@ -18,11 +22,11 @@ from orchard.field.scenario import TICKS_PER_SECOND, Scenario
 from orchard.local import Local
 from orchard.plans.steps import Face
 
-# Ticks by which each delivery may differ where no decision does.
+# Ticks by which each delivery may differ where all decisions are the same.
 NEAR = 20
 # Ticks by which it differs at most in a small orchard, from whichever tick on.
 EXACT = 5
-# Ticks that a run of a test may have.
+# Runs of tests have at most so many ticks, so that they take no minutes.
 LONGEST = 4500
 SMALL = NOBODY | {"rows": 5, "pickers": 3, "carriers": 3, "row_length": 24.0}
 
@@ -33,6 +37,7 @@ def moment_of(run: Local) -> RunMoment:
 
 
 def lay_out_small(**values: Any) -> Layout:
+    """Return the layout of a small quiet orchard with other values."""
     return lay_out(Scenario(**(SMALL | values)))
 
 
@@ -64,7 +69,7 @@ def farthest_apart(delivered: list[int], begun: EventHarvest) -> int:
 
 
 def quiet_starts(seed: int, count: int) -> Iterator[tuple[Layout, list[int]]]:
-    """Yield short quiet orchards, each with the ticks at which a harvest begins."""
+    """Yield so many short quiet orchards, each with five ticks at which a harvest begins."""
     chances = Random(seed)
     for layout in quiet_layouts(seed, 30 * count):
         length = round(TICKS_PER_SECOND * EventHarvest(layout).run().seconds)
@@ -92,6 +97,7 @@ def starts_of(seed: int, count: int) -> tuple[int, int]:
 def test_deliveries_from_a_moment_on_are_those_of_the_run() -> None:
     """Each is within 20 ticks, except where a decision differs: in a few of 100 starts."""
     starts, near = starts_of(seed=11, count=4)
+    # Of four runs with five ticks each; a run may be over before some of them.
     assert starts >= 18
     assert near >= 0.9 * starts
 
@@ -116,7 +122,11 @@ def put_back(harvest: EventHarvest, chances: Random, most: int) -> None:
 @pytest.mark.soak
 @pytest.mark.parametrize(("most", "expected"), [(10, 100), (20, 99)])
 def test_soak_carriers_a_little_behind_change_few_deliveries(most: int, expected: int) -> None:
-    """So exact a dispatcher would have to know where carriers are, which it does not hear."""
+    """How exactly must it be known where carriers are, if a harvest is to begin from reports?
+
+    In each of 100 starts carriers are put back by up to `most` ticks. `expected`: in how many of
+    them all deliveries stay near; docs/design.md says so. With other draws it may be 3 fewer.
+    """
     chances = Random(most)
     near = starts = 0
     for layout, ticks in quiet_starts(29, 20):
@@ -128,6 +138,7 @@ def test_soak_carriers_a_little_behind_change_few_deliveries(most: int, expected
             exact = harvest.run().deliveries
             apart = [abs(a - b) for a, b in zip(exact, behind.run().deliveries, strict=True)]
             starts += 1
+            # Both are whole ticks, in seconds: 1 us is only for the last bits.
             near += max(apart) <= NEAR / TICKS_PER_SECOND + 1e-6
     print(f"{most} ticks back: {near} of {starts} starts have each delivery within {NEAR} ticks")
     assert starts == 100
@@ -139,6 +150,7 @@ def test_soak_carriers_a_little_behind_change_few_deliveries(most: int, expected
 def test_no_moment_of_a_harvest_is_lost(dispatch: str, route: str) -> None:
     """From moments of each kind of step a harvest goes on, and ends as the run does."""
     layout = lay_out_small(dispatch=dispatch, route=route, rows=3, pickers=2, carriers=2)
+    # Every 1.7 s, until after the end: more than 55 of them are in each of these harvests.
     ticks = [*range(1, 3000, 17)]
     delivered, begun = deliveries_from(Local(layout.scenario, is_hashed=False), ticks)
     apart = {tick: farthest_apart(delivered, harvest) for tick, harvest in begun.items()}
@@ -147,7 +159,10 @@ def test_no_moment_of_a_harvest_is_lost(dispatch: str, route: str) -> None:
 
 
 def test_a_bin_that_has_paused_reports_in_its_new_rhythm() -> None:
-    """At the start both bins report, because they know only the mean speed, and then pause."""
+    """At the start both bins report, because they know only the mean speed, and then pause.
+
+    This layout, the 37th of its seed, and these ticks once showed that the rhythm was wrong.
+    """
     *_, layout = quiet_layouts(11, 37)
     ticks = [13, 606, 625, 743, 1405]
     delivered, begun = deliveries_from(Local(layout.scenario, is_hashed=False), ticks)
@@ -159,9 +174,8 @@ def test_a_bin_that_has_paused_reports_in_its_new_rhythm() -> None:
 @pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
 @pytest.mark.parametrize("route", ["one-way", "two-way"])
 def test_each_tick_of_a_handover_is_a_moment(dispatch: str, route: str) -> None:
-    """The ticks reach from before a carrier leaves its bin to when the picker drives on.
-
-    Messages are under way in them.
+    """The ticks reach from 6 s before a carrier offers its empty bin to 12 s after that, when the
+    picker drives on. Letters are under way in them.
     """
     layout = lay_out_small(dispatch=dispatch, route=route, rows=3, pickers=2, carriers=2)
     run = Local(layout.scenario, is_hashed=False)
@@ -213,6 +227,7 @@ def test_a_robot_that_was_pushed_is_told() -> None:
     run = Local(layout.scenario, is_hashed=False)
     while run.engine.tick < 200:
         run.tick()
+    # By 0.3 m to the north.
     body = layout.index["picker_01"]
     run.engine.world.pose[body, 1] += 0.3
     run.engine.wake(["picker_01"])
@@ -259,6 +274,7 @@ def test_a_flat_battery_is_told() -> None:
 
 
 def test_a_robot_that_has_often_failed_has_draws_left() -> None:
+    """Each robot has failed 11 times before the moment, more often than is drawn at first."""
     failures = {"failure": {"mean_between": 60.0, "mean_repair": 60.0}}
     harvest = EventHarvest(lay_out_small(picking=failures))
     harvest.model.robots.failures = 11
@@ -267,7 +283,9 @@ def test_a_robot_that_has_often_failed_has_draws_left() -> None:
 
 
 def test_people_who_are_met_as_with_another_seed_stay_so() -> None:
-    """That holds, too, for people drawn later, when all that were drawn have been met."""
+    """A future meets people as with another seed. When more meetings are drawn, those drawn before
+    stay; and five seeds give five ends.
+    """
     layout = lay_out_small(people={"workers": 2, "visitors": 2})
     ends = set()
     for seed in range(5):
@@ -312,6 +330,7 @@ def test_who_follows_a_carrier_that_turns_off_drives_on() -> None:
     The harvest begins in the second turn.
     """
     queueing = {"rows": 6, "pickers": 6, "carriers": 8, "route": "one-way", "dispatch": "nearest"}
+    # These two do so in this harvest, after tick 2,800.
     run = Local(lay_out_small(**queueing).scenario, is_hashed=False)
     ahead = "carrier_04"
     behind = "carrier_02"

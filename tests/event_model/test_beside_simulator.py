@@ -1,4 +1,6 @@
-"""The event model beside the simulator, quiet: bins are delivered in the same ticks, or nearly."""
+"""The event model beside the simulator, in quiet orchards: bins are delivered in the same ticks, or
+nearly.
+"""
 
 from collections.abc import Iterator
 from random import Random
@@ -16,9 +18,11 @@ from orchard.local import Local
 
 # Ticks by which each delivery may differ.
 NEAR = 5
-# Where carriers turn at another rate, what a robot behind sees is known in steps of 2.25 degrees.
+# Where carriers turn at another rate: what a robot behind a turning one sees is computed for steps
+# of 2.25 degrees only, a tick's turn at the default rate.
 NEAR_IF_TURNED = 8
 SPREAD = {"spread": {"distribution": "gamma", "cv": 0.3}}
+# Orchards in which single ticks decide: each name says what happens there.
 CELLS: dict[str, dict[str, Any]] = {
     "carriers that ask for roads in the same tick": {
         "rows": 17,
@@ -114,7 +118,9 @@ POLICIES = (
     "rolling",
     "assignment",
 )
+# What is drawn: mostly None, a bin a row.
 METRES_PER_BIN = [None, None, None, 11.0, 17.5, 22.0, 55.0, 100.0]
+# ROWS/PICKERS/CARRIERS -> the orchard.
 LARGE: dict[str, dict[str, Any]] = {
     "5/2/2": {"rows": 5, "pickers": 2, "carriers": 2, "picking_speed": 1.0},
     "10/10/10": {"rows": 10, "pickers": 10, "carriers": 10, "picking_speed": 1.0},
@@ -173,7 +179,7 @@ def test_each_bin_is_delivered_when_the_simulator_does(name: str) -> None:
 
 
 def test_carriers_that_charge_go_on_when_the_simulators_do() -> None:
-    """They move up while they charge, and are off where they stand in the queue."""
+    """They move up while they charge, and use nothing where they stand in the queue."""
     assert_is_near(CHARGING)
 
 
@@ -201,7 +207,11 @@ def test_soak_bins_are_delivered_when_the_simulator_does(name: str) -> None:
 
 
 def test_a_carrier_that_turns_gets_out_of_the_way() -> None:
-    """Its bin is behind it first, then beside it, and after a half turn before it."""
+    """`reaches_back`: how far it and its bin reach back along the line at each tick of a turn, m.
+
+    In a tick it turns by 2.25 degrees. Its bin is behind it first, 1.9 m from its middle, then
+    beside it, after 40 ticks, and after a half turn before it. It is 1.8 m long and 1.5 m wide.
+    """
     reaches = reaches_back()
     assert reaches[0] == pytest.approx(1.9 + 0.5)
     assert reaches[40] == pytest.approx(1.5 / 2, abs=0.02)

@@ -16,9 +16,10 @@ from orchard.field.scenario import Scenario
 from orchard.field.survey import WIDEST_GAP
 from orchard.local import Local
 
+# Blocks are numbered by their seeds: the first FEW are tested each time, the others in the soak.
 FEW = 4
 MANY = 60
-# Ticks after which no harvest of these goes on.
+# Ticks after which a harvest is given up: more than the longest of these harvests takes.
 LONGEST = 80_000
 # From west to east, m: start and end of the row that lies so far south.
 Outline = Callable[[float], tuple[float, float]]
@@ -26,6 +27,7 @@ Outline = Callable[[float], tuple[float, float]]
 
 def drawn_block(random: Random) -> Scenario:
     """Draw a block of four to eight rows, and the robots that harvest it."""
+    # m from row to row. A missing row leaves a gap of some spacings.
     spacing = random.choice([3.65, 4.57, 6.0, 9.0])
     souths = [0.0]
     for number in range(random.randint(3, 7)):
@@ -52,7 +54,10 @@ def drawn_block(random: Random) -> Scenario:
 
 
 def _outline(random: Random, shape: str) -> Outline:
-    """Return where rows begin and end, by how far south they lie."""
+    """Return where rows begin and end, by how far south they lie.
+
+    `slope`: by how many metres a row begins further east for each metre that it lies further south.
+    """
     length = random.choice([40.0, 70.0])
     slope = random.choice([-1.0, -0.5, 0.3, 1.0])
     if shape == "slanted":

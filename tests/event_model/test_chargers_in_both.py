@@ -1,7 +1,9 @@
-"""Who has a charger, and when: the simulator and the event model in the same random cases.
+"""Which carrier has a charger, and when: the simulator and the event model in equal random cases.
 
-Carriers come to their charging lines, wait there for a charger, charge, and move up meanwhile.
-Nobody else is about, so both models must give each charger in the same tick, or the next one.
+Carriers come to their charging lines, wait there for a charger, charge, and move up meanwhile. Only
+the batteries of both models are run: the test moves the carriers as their visits say, in the world
+of the simulator and in the arrays of the event model. Both must give each charger in the same tick,
+or the next one.
 """
 
 from collections.abc import Iterator
@@ -24,18 +26,17 @@ from orchard.sim.world import World
 
 CASES = 12
 CASES_OF_SOAK = 100
-# Ticks in which each case is compared.
+# For so many ticks each case is compared. By ARRIVALS the last carrier has come.
 TICKS = 700
-# Of them, in which the last carrier has come.
 ARRIVALS = 250
-# Ticks in which a carrier drives along its line before it stands there.
+# For so many ticks a carrier drives along its line before it stands there.
 IN_LINE = 20
-# By which a battery may be full earlier in one model: parts of a tick are rounded, and what follows
-# from that comes earlier by more.
+# In so many ticks of a case a carrier may charge in one model only: parts of a tick are rounded, so
+# a battery may be full a tick earlier, and its charger go to the next carrier earlier.
 ROUNDED = 4
 # m by which a carrier moves up, at most.
 FARTHEST_UP = 2.5
-# m in a tick.
+# m that a carrier drives in a tick.
 CARRIER_STEP = 0.1
 
 
@@ -43,10 +44,13 @@ CARRIER_STEP = 0.1
 class Visit:
     """A carrier that charges: it comes with a charge, stands in a line, and moves up."""
 
+    # A share of a full battery.
     charge: float
+    # The tick at which it stands, and where, m.
     came: int
     x: float
     y: float
+    # The tick at which it begins to move up, and for how many ticks it does; 0: it does not.
     moved_up: int
     moved_for: int
 
@@ -130,7 +134,7 @@ class ChargersOfModel:
             me.y = visit.y
 
     def advance(self, tick: int) -> None:
-        """Let all happen that does at a tick."""
+        """Let all happen that does at a tick. The clock of the machine counts quarters of ticks."""
         self.model.desk.now = c.QUARTERS * tick
         for robot, _ in self.visits:
             if self._is_due(c.PARK, robot):
@@ -213,7 +217,7 @@ def assert_chargers_are_given_alike(seed: int, count: int) -> None:
         differs = (expected != charging_in_model(layout, visits)).sum(axis=0)
         assert (differs <= ROUNDED).all(), (layout.scenario.chargers, visits, differs)
         charged += int(expected.any(axis=0).sum())
-    assert charged > count
+    assert charged > count, "more than one carrier has charged in a case, on average"
 
 
 def test_chargers_go_to_the_same_carriers_in_the_same_ticks() -> None:

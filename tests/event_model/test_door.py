@@ -1,4 +1,6 @@
-"""The door to the event model: what it does, refuses, and tells of a policy that breaks."""
+"""`DiscreteHarvest`, the door to the event model: what it does, refuses, and tells of a policy that
+breaks.
+"""
 
 from typing import Any
 
@@ -18,6 +20,7 @@ SMALL = NOBODY | {"rows": 5, "pickers": 3, "carriers": 3, "row_length": 30.0}
 
 
 def orchard(**values: Any) -> Layout:
+    """Return the layout of a small orchard with other values."""
     return lay_out(Scenario(**SMALL | values))
 
 
@@ -35,6 +38,7 @@ def test_a_compiled_policy_decides_as_its_class_does(dispatch: str) -> None:
         assert compiled.exchanges == asked.exchanges
 
 
+# A policy of tests/support/own_policies.py, and words of its fault.
 FAULTS = {
     "Raising": "LookupError: no such bin here",
     "Inventing": "assigns bin bin_77, which is not available",

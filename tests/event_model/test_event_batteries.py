@@ -1,4 +1,4 @@
-"""Carriers with batteries."""
+"""Carriers with batteries in the event model alone."""
 
 from quiet import NOBODY
 
@@ -18,12 +18,15 @@ def test_a_flat_carrier_stands_for_ever() -> None:
 
 
 def test_an_exchange_uses_a_battery_for_the_time_that_it_takes() -> None:
-    """It uses no more than a drive of that time, and no less than standing for that time."""
+    """It uses no more than a drive of that time, and no less than standing for that time.
+
+    A drive of `hours` uses a whole battery; standing uses `standing` as much.
+    """
     values = NOBODY | {"rows": 8, "pickers": 2, "carriers": 2, "dispatch": "predictive"}
     battery = {"hours": 0.5, "hours_to_charge": 0.1, "reserve": 0.7, "standing": 0.2}
     layout = lay_out(Scenario(**values, carrying={"battery": battery}))
     harvest = EventHarvest(layout).run()
-    exchanges = [exchange for of_it in harvest.exchanges.values() for exchange in of_it]
+    exchanges = [exchange for of_picker in harvest.exchanges.values() for exchange in of_picker]
     assert len(exchanges) == layout.bins
     for exchange in exchanges:
         assert exchange.carrier_ticks is not None

@@ -15,10 +15,11 @@ def test_a_repair_of_an_hour_is_no_jam() -> None:
 
 
 def test_more_failures_are_drawn_when_a_robot_has_had_all() -> None:
+    """`robots.failures`: how many each robot has had."""
     values = NOBODY | {"rows": 8, "pickers": 2, "carriers": 1, "row_length": 90.0}
     often = {"failure": {"mean_between": 60.0, "mean_repair": 5.0}}
     layout = lay_out(Scenario(**values, dispatch="nearest", carrying=often, picking=often))
     harvest = EventHarvest(layout)
-    before = harvest.model.failures.shape
+    _, drawn_at_first = harvest.model.failures.shape
     harvest.run()
-    assert harvest.model.robots.failures.max() > before[1]
+    assert harvest.model.robots.failures.max() > drawn_at_first

@@ -1,4 +1,8 @@
-"""The machine of the event model: what it shares, where it stops, and what it tells."""
+"""The machine of the event model: what it shares, where it stops, and what it tells.
+
+Harvests of one orchard share its program, the steps of all robots as ops. The jobs of carriers are
+translated into ops when they are first ordered, so a program grows while harvests use it.
+"""
 
 import ast
 from concurrent.futures import ThreadPoolExecutor
@@ -27,7 +31,7 @@ def small(dispatch: str) -> Layout:
 
 
 def figures(harvest: EventHarvest) -> tuple[Any, ...]:
-    """Return what a harvest comes to."""
+    """Return all that a harvest comes to, so that two can be compared."""
     return (
         harvest.deliveries,
         harvest.seconds,
@@ -73,6 +77,9 @@ def test_harvests_in_threads_that_share_a_program_are_the_same() -> None:
 
 
 def test_a_harvest_that_was_stopped_goes_on() -> None:
+    """`run` goes on by JAM ticks at a time, and asks a function before each whether it may. Here it
+    may once in each call, so the harvest is stopped more than twice.
+    """
     layout = lay_out(Scenario(**SMALL, dispatch="predictive", picking_speed=0.02))
     whole = EventHarvest(layout).run()
     assert whole.seconds > 2 * JAM * TIME_STEP
@@ -87,6 +94,7 @@ def test_a_harvest_that_is_done_in_parts_is_the_same() -> None:
     layout = small("predictive")
     whole = EventHarvest(layout).run()
     parts = EventHarvest(layout)
+    # Parts of 3.7 s, until long after the end.
     for tick in range(0, 20_000, 37):
         parts.advance(tick)
     assert figures(parts) == figures(whole)
@@ -111,7 +119,9 @@ def test_what_the_model_does_not_know_is_refused() -> None:
         EventHarvest(layout)
 
 
-# Packages whose constants are compiled into the kept code. A change of one must change its name.
+# Packages whose constants are compiled into the code that is kept on the disk. If one of them
+# changes, the code must be compiled anew: so its file's name has a checksum of the modules of
+# `CONSTANTS_OF`.
 PACKAGES_OF_CONSTANTS = (
     "orchard.behaviour.",
     "orchard.dispatch.",
@@ -153,9 +163,10 @@ def test_each_constant_of_a_batch_counts_for_its_kept_code() -> None:
 
 
 def test_a_carrier_behind_one_that_is_called_stands_too() -> None:
+    """`is_free`: whether a carrier can still be called."""
     values = NOBODY | {"rows": 10, "pickers": 10, "carriers": 10, "dispatch": "predictive"}
     harvest = EventHarvest(lay_out(Scenario(**values)))
-    # In the simulator all ten have been sent by then.
+    # In the simulator all ten have been sent by tick 100.
     harvest.advance(100)
     assert not harvest.model.robots.is_free.any()
 

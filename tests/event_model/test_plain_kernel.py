@@ -1,4 +1,8 @@
-"""The machine as plain Python, over arrays that refuse a wrong index."""
+"""The machine of the event model as plain Python does the same as compiled code.
+
+It runs twice: over arrays that refuse a wrong index (`plain_kernel`), and as the program runs it
+until the machine is compiled (`PlainMachine`).
+"""
 
 from typing import Any
 
@@ -14,7 +18,7 @@ from orchard.event_model.plain import PlainMachine
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
 
-# Plain Python takes a hundred times as long as compiled code.
+# Plain Python takes a hundred times as long as compiled code: only harvests of few bins are done.
 MOST_BINS = 12
 QUIET = [layout for layout in quiet_layouts(seed=5, count=16) if layout.bins <= MOST_BINS]
 EVENTFUL: dict[str, Any] = {

@@ -1,4 +1,7 @@
-"""The ops of the event model beside the steps from which they are made."""
+"""The program of the event model: its ops, beside the steps of plans from which they are made.
+
+An op is a step as a row of numbers, which the machine does. Here ops last as long as their steps.
+"""
 
 import numpy as np
 import pytest
@@ -19,6 +22,7 @@ LAYOUTS = list(quiet_layouts(seed=1, count=20))
 
 
 def speeds_of(layout: Layout) -> np.ndarray:
+    """Return the picking speed of each row, (rows,) m/s."""
     return np.array([lane.picking_speed for lane in layout.lanes])
 
 
@@ -54,6 +58,7 @@ def test_a_program_has_each_bin_that_a_harvest_fills() -> None:
 
 
 def test_a_step_that_the_model_does_not_know_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    # The event model knows no `Fill` as a step of a picker's plan.
     def harvest(self: OneWay, block: Block) -> list[Fill]:
         return [Fill(1.0, 1.0)]
 
@@ -64,7 +69,7 @@ def test_a_step_that_the_model_does_not_know_is_named(monkeypatch: pytest.Monkey
 
 @pytest.mark.parametrize("seed", [2, 4])
 def test_a_harvest_is_the_same_after_one_with_another_seed(seed: int) -> None:
-    """Seeds share a program, though each picks rows at other speeds."""
+    """Seeds share a program, which is kept, though each picks rows at other speeds."""
     values = NOBODY | {
         "rows": 8,
         "pickers": 4,

@@ -1,4 +1,8 @@
-"""Compiling the machine: once, with a word, and not for harvests that do without it."""
+"""Compiling the machine of the event model, which takes 40 s: once, with a message, and not for
+harvests that do without it.
+
+Compiled code is kept on the disk; a process that finds it there compiles nothing.
+"""
 
 from typing import Any
 
@@ -36,6 +40,7 @@ def test_compiling_is_said_unless_the_code_is_kept(
 ) -> None:
     monkeypatch.setattr(entry, "is_kept", lambda kernel, signature: is_kept)
     get_ready([Scenario(), Scenario(**QUIET)])
+    # Also code that is kept is loaded by `compile`, once for both scenarios.
     assert compiled == [entry.SIGNATURE]
     assert caplog.messages == ([] if is_kept else [entry.COMPILING])
 
@@ -48,6 +53,7 @@ def test_nothing_is_compiled_for_harvests_of_the_simulator(compiled: list[Any]) 
 def test_a_summary_waits_for_no_compiler(
     compiled: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The machine runs as plain Python where it is not compiled, with the same result."""
     layout = lay_out(Scenario(rows=3, pickers=2, carriers=1))
     seconds = schedule_seconds(layout)
     monkeypatch.setattr(entry, "is_kept", lambda kernel, signature: False)
@@ -60,6 +66,7 @@ def test_a_summary_waits_for_no_compiler(
 def test_the_machine_is_no_kernel_of_the_simulator(
     tmp_path: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Its code is kept beside the simulator's kernels, and does not count as one of them."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     folder = cache.kernels_folder()
     assert folder is not None

@@ -1,8 +1,8 @@
 """Harvests that were recorded, so that a change of the event model is noticed.
 
-They are those in which an earlier model of other code, of generators, had each delivery in the same
-tick. They were recorded anew when carriers began to tell with a claim what they give back in its
-tick. Who changes a rule on purpose does so too, and compares with the simulator first.
+An earlier event model, written as Python generators, had each delivery of them in the same tick. If
+you change a rule on purpose, compare the event model with the simulator first, and then record the
+harvests anew.
 """
 
 import json
@@ -15,6 +15,8 @@ from orchard.event_model.harvest import EventHarvest
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
 
+# Of each harvest: its scenario, the times of its deliveries, its length, and its length on free
+# roads, s; and of what kind it is.
 RECORDED: list[dict[str, Any]] = json.loads(
     Path(__file__).with_name("recorded_harvests.json").read_text(encoding="utf-8")
 )

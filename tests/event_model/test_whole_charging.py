@@ -18,10 +18,11 @@ from orchard.local import Local
 # Ticks by which each delivery may differ.
 NEAR = 5
 HARVESTS_OF_SOAK = 100
-# Of them, in which each delivery is that near. In the others carriers meet where the model's do not
-# look: docs/bounds.md.
+# In so many of these each delivery is that near. In the others carriers meet where the model's do
+# not look: docs/bounds.md.
 NEAR_OF_SOAK = 80
-# By which the lengths may differ on average in the soak, and by which more than 95 % of them do.
+# In the soak the lengths of harvests differ by less than MEAN_SHARE on average, and 95 % of them by
+# less than SHARE.
 MEAN_SHARE = 0.005
 SHARE = 0.01
 # A carrier gets flat on its way to the bay, and the other one stands behind it.
@@ -80,18 +81,18 @@ class BothModels:
 
     @property
     def apart(self) -> float:
-        """Return the most ticks between two deliveries of a number.
+        """The most ticks between a delivery in one model and that of the same number in the other.
 
-        If one model delivers fewer bins, all ticks count.
+        If one model delivers fewer bins, it is the length of the harvest.
         """
-        told = [round(TICKS_PER_SECOND * seconds) for seconds in self.model.deliveries]
-        if len(told) != len(self.delivered):
+        modelled = [round(TICKS_PER_SECOND * seconds) for seconds in self.model.deliveries]
+        if len(modelled) != len(self.delivered):
             return float(self.ticks)
-        return max((abs(a - b) for a, b in zip(told, self.delivered, strict=True)), default=0)
+        return max((abs(a - b) for a, b in zip(modelled, self.delivered, strict=True)), default=0)
 
     @property
     def share_apart(self) -> float:
-        """Return by which share of the length the two differ."""
+        """By which share of its length the harvest is longer or shorter in the event model."""
         return abs(TICKS_PER_SECOND * self.model.seconds - self.ticks) / self.ticks
 
     @property

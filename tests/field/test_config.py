@@ -1,5 +1,8 @@
-"""The scenario: what is shipped, what is fine, what a change makes of it; and whatever is taken for
-one is one, or an error in words.
+"""The scenario: what the shipped ones stand for, what is fine in a file, what a change makes of it;
+and whatever is given as a scenario is one, or is refused in words.
+
+Shipped scenarios (config/) have figures of published sources, which their comments name. Tests
+compute them again from the source's own units.
 """
 
 import json
@@ -46,6 +49,7 @@ def test_a_hectare_of_kiwifruit_fills_the_bins_of_its_yield(
 
 
 def test_a_robot_of_four_arms_takes_as_long_as_its_fruit() -> None:
+    """A bin has 350 kg of fruit of 117 g. Four arms pick one each in 5.5 s."""
     assert 3600 / load(CONFIG / "kiwi_robot.yaml").chosen["picking_rate"] == pytest.approx(
         350 / 0.117 * 5.5 / 4, rel=0.01
     )
@@ -75,7 +79,10 @@ def test_carts_bring_the_fruit_of_the_same_people() -> None:
 
 
 def test_robots_for_apples_fill_the_bins_of_their_fruit() -> None:
-    """They pick 2,500 apples of 0.19 kg an hour, into bins of 386 kg; 45 % of 59.5 bins an acre."""
+    """They pick 2,500 apples of 0.19 kg an hour, into bins of 386 kg: 45 % of 59.5 bins an acre.
+
+    An acre is 0.404686 hectares.
+    """
     robots = load(CONFIG / "apple_robots.yaml")
     assert robots.chosen["picking_rate"] == pytest.approx(2500 * 0.19 / 386, rel=0.01)
     hectare = 59.5 * 0.386 / 0.404686
@@ -91,12 +98,15 @@ def test_a_forklift_brings_the_tonnes_that_were_published() -> None:
     for bins, away, tonnes in ((4, 906.0, few), (8, 771.0, many)):
         trailers = {"trailers": {"bins": bins, "count": 1}, "seconds_away": away}
         scenario = Scenario.model_validate(forklift.model_dump() | {"load_out": trailers})
+        # A bin is 0.33 t.
         bins_per_second = Bounds(lay_out(scenario)).terms["trailers"]
         assert bins_per_second * 3600 * 0.33 == pytest.approx(tonnes, rel=0.01)
 
 
 def test_trailers_of_the_gangs_keep_up_with_them() -> None:
-    """In ten minutes six bins are filled. One trailer is away while the other is filled."""
+    """In ten minutes six bins are filled, 36 an hour. One trailer is away while the other one is
+    filled: so trailers could bring almost twice as much.
+    """
     gangs = load(CONFIG / "tractor_trailers.yaml")
     assert gangs.pickers * gangs.chosen["picking_rate"] == pytest.approx(36.0)
     terms = Bounds(lay_out(gangs)).terms
@@ -134,7 +144,9 @@ def test_a_file_of_the_user_comes_before_a_shipped_scenario(tmp_path: Path, monk
 
 
 def fields(section: dict, schema: dict) -> dict[str, dict]:
-    """Return all fields of a section and those below, by name."""
+    """Return all fields of a section, and of the sections in it, by name. `schema`: the whole one,
+    which has these sections in `$defs`.
+    """
     by_name = {}
     for name, field in section["properties"].items():
         ref = (field.get("items") or (field.get("anyOf") or [field])[0]).get("$ref", "")
@@ -162,6 +174,7 @@ def test_every_field_is_described_and_limited() -> None:
     ("pickers", "carriers"), [(2, 2), (3, 3), (5, 4), (10, 7), (11, 8), (20, 14)]
 )
 def test_carriers_follow_the_pickers(pickers: int, carriers: int) -> None:
+    """There are 7 for every 10, rounded up, unless the scenario says how many."""
     assert Scenario(rows=20, pickers=pickers).carrier_count == carriers
     assert Scenario(rows=20, pickers=pickers, carriers=9).carrier_count == 9
 
@@ -205,9 +218,8 @@ def test_yield_and_rate_in_a_growers_units_give_metres_and_speed(
 ):
     crop = {"tonnes_per_hectare": tonnes, "kilograms_per_bin": kilograms}
     sizes = {"row_length": length, "row_width": width}
-    # Of a row, with half of the trees on each side.
+    # The ground of a row, with half of the trees on each side, and the bins that it fills.
     hectares = length * (width + 0.5) / 10_000
-    # That it fills.
     bins = 1000 * tonnes * hectares / kilograms
     assume(5.0 <= length / bins <= 200.0)
     grower = Scenario(**sizes, crop=crop, picking_rate=rate)
@@ -291,7 +303,7 @@ def test_a_scenario_survives_yaml(scenario: Scenario) -> None:
 
 
 def scenario_or_error(make: object, *arguments: object) -> None:
-    """Return a scenario, or None if there is an error in few words."""
+    """Assert that a function returns a scenario, or refuses its arguments in few words."""
     try:
         assert isinstance(make(*arguments), Scenario)
     except ScenarioError as refusal:
@@ -302,6 +314,8 @@ def scenario_or_error(make: object, *arguments: object) -> None:
     assert len(str(error).encode("utf-8")) < 20_000
 
 
+# What may stand in a file: `names` and other keys, `leaves` and what is made of them; `nearly` is a
+# scenario in which a value or two are wrong.
 names = st.sampled_from(
     [
         *Scenario.model_fields,
@@ -369,6 +383,7 @@ def test_any_change_is_a_scenario_or_an_error(changes: dict) -> None:
     scenario_or_error(lambda: with_changes(Scenario(), **changes))
 
 
+# Pieces of YAML, of which wrong texts are made.
 SCRAPS = [
     *"\n\n :-?[]{},#&*!|>'\"%@`~=<\t\r\\",
     ": ",

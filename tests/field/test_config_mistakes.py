@@ -17,6 +17,7 @@ from orchard.field.problems import MOST_NAMED, ScenarioError, Section
 from orchard.field.scenario import People, Scenario, load, parse
 from orchard.field.yaml_file import LARGEST_FILE
 
+# A text of a scenario, and words of its refusal.
 OUT_OF_RANGE = [
     ("rows: 2", "rows = 2: must be a whole number from 3 to 100"),
     ("rows: 101", "rows = 101: must be a whole number from 3 to 100"),
@@ -101,6 +102,7 @@ def test_wrong_type(text: str) -> None:
     assert ": must be " in line
 
 
+# A text, the path that is unknown, and the key that was meant.
 UNKNOWN_KEYS = [
     ("row: 5", "row", "rows"),
     ("picker: 5", "picker", "pickers"),
@@ -152,6 +154,7 @@ def test_a_strange_key_is_an_unknown_one_and_prints_cleanly(text: str) -> None:
 
 ONE_OF_BOTH = "at most one of both can be set: each says what the other is"
 CROP = "crop: {tonnes_per_hectare: 39, kilograms_per_bin: 350}"
+# A text, and the only line of its refusal.
 WHOLE_LINES = [
     ("animals: 3", "my.yaml:1: animals = 3: must be a map with some of the keys dogs, cats"),
     (
@@ -199,7 +202,7 @@ WHOLE_LINES = [
             " faster than 1 m/s"
         ),
     ),
-    # too many together
+    # Counts that are too large together.
     ("rows: 3\npickers: 4", "my.yaml:2: pickers = 4, rows = 3: must be at most one picker a row"),
     ("pickers: 6", "my.yaml:1: pickers = 6, rows = 5: must be at most one picker a row"),
     (
@@ -343,6 +346,7 @@ def test_not_yaml_tells_line_and_column(text: str) -> None:
     assert ", column " in line
 
 
+# Words of the refusal, and texts that are refused so.
 NO_PLAIN_MAPS = [
     (
         "is not YAML",
@@ -370,6 +374,7 @@ def test_what_is_no_map_of_plain_values_is_refused(words: str, texts: list[str])
 
 
 def test_aliases_are_refused_so_nothing_can_grow() -> None:
+    """Each line has nine times what the line before has: "billion laughs"."""
     names = "abcdefghi"
     laughs = "a: &a [x, x]\n" + "".join(
         f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in itertools.pairwise(names)
@@ -382,7 +387,10 @@ def test_aliases_are_refused_so_nothing_can_grow() -> None:
 def test_deep_nesting_is_refused_after_a_few_levels(
     text: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What comes after the deepest allowed level is not read, because that could cost minutes."""
+    """What comes after the deepest allowed level is not read, because that could cost minutes.
+
+    A level of these texts has at most five events of the parser.
+    """
     events = []
     get_event = yaml.SafeLoader.get_event
 
@@ -396,6 +404,7 @@ def test_deep_nesting_is_refused_after_a_few_levels(
 
 
 def test_a_huge_file_is_refused_unread(tmp_path: Path) -> None:
+    """The file has 10 GB of zeros, of which the disk stores none."""
     file = tmp_path / "huge.yaml"
     with file.open("wb") as sparse:
         sparse.truncate(10**10)
@@ -416,6 +425,7 @@ def test_a_long_value_is_shortened(text: str) -> None:
     assert len(refusal(text)) < 500
 
 
+# A section, its values, and the beginning of each line of the refusal.
 BUILT_DIRECTLY = [
     (Scenario, {"rows": 2}, ["rows = 2: must be a whole number from 3 to 100"]),
     (Scenario, {"rowz": 4}, ["rowz = 4: unknown key; did you mean rows?"]),

@@ -1,4 +1,8 @@
-"""Each key of the scenario says who decides its value, once."""
+"""Each key of the scenario says whether its value is a choice or a circumstance, once.
+
+The grower makes a choice for the next harvest, such as the number of carriers. A circumstance is
+given, such as how fast people pick. A section may say it for all that is in it.
+"""
 
 from collections.abc import Iterator
 from typing import Any

@@ -1,5 +1,8 @@
 """Headings, frames, quaternions; the boxes of the kernels against plain reckoning; and the
-project's own sine, arc tangent, logarithm.
+project's own sine, arc tangent, logarithm (`repeatable`), whose bits are equal on all machines.
+
+Points are compared with points on the edges of boxes, so tolerances of metres are what lies between
+two of these. All others are some units in the last place of a float64.
 """
 
 import ast
@@ -34,6 +37,7 @@ metres = st.floats(-60.0, 60.0)
 yaws = st.floats(-math.pi, math.pi, exclude_min=True)
 poses = st.builds(Pose, metres, metres, yaws)
 halves = st.floats(0.1, 3.0)
+# (x, y, yaw, half length, half width) in m and rad. They are so near to each other that many meet.
 boxes = st.tuples(st.floats(-4.0, 4.0), st.floats(-4.0, 4.0), yaws, halves, halves)
 
 
@@ -45,7 +49,8 @@ def box_of(x, y, yaw, half_length, half_width) -> np.ndarray:
 
 
 def edge_points(x, y, yaw, half_length, half_width) -> np.ndarray:
-    """Return points on the edge of a box."""
+    """Return 41 points on each side of a box, (164, 2) m."""
+    # From one end of a side to the other, and the side itself, as shares of half the box.
     t = np.linspace(-1.0, 1.0, 41)
     ones = np.ones_like(t)
     along = half_length * np.concatenate([t, t, ones, -ones])
@@ -55,7 +60,10 @@ def edge_points(x, y, yaw, half_length, half_width) -> np.ndarray:
 
 
 def depth(points: np.ndarray, box: tuple) -> np.ndarray:
-    """Return how far outside of a box points are along its worse axis, m; negative inside."""
+    """Return how far points, (n, 2) m, are outside of a box: (n,) m; negative inside.
+
+    It is the greater one of the distances along and across the box.
+    """
     x, y, yaw, half_length, half_width = box
     c, s = math.cos(yaw), math.sin(yaw)
     dx, dy = points[:, 0] - x, points[:, 1] - y
@@ -79,6 +87,7 @@ def test_a_yaw_survives_its_quaternion(yaw):
 
 @given(st.sampled_from([EAST, NORTH, WEST, SOUTH]), st.floats(-0.78, 0.78))
 def test_the_nearest_heading_is_within_an_eighth_of_a_turn(heading, off):
+    """An eighth of a turn is 0.785 rad."""
     names = {EAST: "EAST", NORTH: "NORTH", WEST: "WEST", SOUTH: "SOUTH"}
     assert nearest_heading(heading + off) == names[heading]
 
@@ -106,7 +115,8 @@ def test_boxes_overlap_where_an_edge_lies_in_the_other(a, b):
     outside = min(depth(edge_points(*a), b).min(), depth(edge_points(*b), a).min())
     is_inside = outside < -1e-6
     is_apart = outside > 0.2 or gap(box_of(*a), box_of(*b)) > 1e-6
-    # Where boxes barely touch, points of edges may miss it.
+    # Where boxes barely overlap, a corner may lie between two points of an edge, at most 0.2 m
+    # apart: then the points say nothing.
     assume(is_inside or is_apart)
     assert overlap(box_of(*a), box_of(*b)) == (outside < 0.0)
     assert overlap(box_of(*b), box_of(*a)) == (outside < 0.0)
@@ -115,6 +125,7 @@ def test_boxes_overlap_where_an_edge_lies_in_the_other(a, b):
 @settings(max_examples=300)
 @given(boxes, boxes)
 def test_the_gap_is_the_shortest_way_between_two_edges(a, b):
+    # (points of a, points of b, 2), m.
     between = edge_points(*a)[:, None, :] - edge_points(*b)[None, :, :]
     shortest = np.sqrt((between**2).sum(axis=2)).min()
     width = gap(box_of(*a), box_of(*b))
@@ -127,6 +138,7 @@ def test_the_gap_is_the_shortest_way_between_two_edges(a, b):
 
 
 def test_boxes_side_by_side_touch_and_do_not_overlap():
+    """What overlaps by 1 nm or less only touches: rounding must make no collision."""
     assert not overlap(box_of(0, 0, 0, 1, 1), box_of(2, 0, 0, 1, 1))
     assert not overlap(box_of(0, 0, 0, 1, 1), box_of(2 - 0.9e-9, 0.5, math.pi / 2, 1, 1))
     assert overlap(box_of(0, 0, 0, 1, 1), box_of(2 - 1.1e-9, 0.5, 0, 1, 1))
@@ -148,7 +160,9 @@ def test_the_grid_forgets_no_wall_within_reach(walls, x, y, reach):
 
 
 ROOT = Path(__file__).parents[2]
+# Of results around 1: two units in the last place.
 ERROR = 4e-16
+# Functions of numpy and math whose last bits differ between processors or libraries.
 NOT_REPEATABLE = {"sin", "cos", "tan", "arctan2", "arctan", "hypot", "exp", "log", "power"}
 NOT_REPEATABLE |= {"dot", "matmul"}
 angles = st.one_of(
@@ -210,7 +224,9 @@ def test_the_bits_that_every_machine_must_give():
 
 
 def test_what_a_kernel_is_made_from_is_all_told_to_the_cache():
-    """A kernel with old constants would move robots by old rules."""
+    """Each module from which a kernel takes constants is a source of the cache: if it changes, the
+    kernels are compiled anew. A kernel with old constants would move robots by old rules.
+    """
     sources = {
         path.relative_to(ROOT).with_suffix("").as_posix().replace("/", ".")
         for path in cache._SOURCES

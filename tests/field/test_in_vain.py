@@ -1,4 +1,4 @@
-"""A value that only another one brings to effect is refused while that one is not set."""
+"""A value that has an effect only with another one is refused while that one is not set."""
 
 import pytest
 
@@ -8,6 +8,7 @@ from orchard.launch.scenarios import scenario_of
 from orchard.report.limits import limit_of_question
 
 FAILURE = "mean_between: 300"
+# A scenario with a value that has no effect, and one in which it has.
 IN_VAIN = [
     ("carrying: {battery: {reserve: 0.5}}", "carrying: {battery: {reserve: 0.5, hours: 3}}"),
     ("carrying: {battery: {standing: 0.5}}", "carrying: {battery: {standing: 0.5, hours: 3}}"),
@@ -36,7 +37,8 @@ IN_VAIN = [
 def test_what_has_no_effect_is_refused_with_what_would_bring_it(in_vain, with_effect):
     with pytest.raises(ScenarioError, match="has no effect"):
         parse(in_vain)
-    # The limit leaves the spread out, with all that belongs to it.
+    # The limit of a question leaves the spread out. It must leave out what belongs to it, too: else
+    # that would have no effect, and be refused.
     assert limit_of_question(parse(with_effect)).bins_per_hour > 0.0
 
 
@@ -46,7 +48,7 @@ def test_defaults_and_no_chargers_may_be_written_down():
 
 @pytest.mark.parametrize(("in_vain", "with_effect"), IN_VAIN)
 def test_settings_and_forks_may_take_away_what_a_value_needs(in_vain, with_effect):
-    """A study may vary hours=null,8 where the file has a reserve, too."""
+    """A study may vary hours=null,8 where the file has a reserve, too. That is no mistake."""
     values = parse(with_effect).model_dump()
     without = {"carrying.battery.hours": None, "picking.spread.distribution": "none"}
     without |= {"carrying.failure.mean_between": None, "picking.failure.mean_between": None}

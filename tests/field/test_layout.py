@@ -1,5 +1,8 @@
-"""Where everything stands at the beginning: the figures of the reference, and nothing overlapping
-in any legal scenario.
+"""Where everything stands at the beginning: nothing overlaps in any legal scenario, and the default
+orchard has the figures of the manual of 2015 (docs/manual.md).
+
+Coordinates are in the frame of the orchard, m. In the default orchard, 100 m wide, the fences are
+1 m thick around x = -50 and 50, so their inner sides are at -49.5 and 49.5.
 """
 
 import math
@@ -28,7 +31,7 @@ CROWD = {
 }
 ONE_WAY = Scenario(carriers=40, route="one-way")
 BIGGEST = Scenario(rows=100, pickers=60, row_width=12.0, carriers=120, **CROWD)
-# All of it on the smallest ground.
+# As many bodies on the smallest ground.
 FULLEST = BIGGEST.model_copy(update={"rows": 3, "pickers": 3, "row_width": 5.0})
 
 
@@ -54,7 +57,7 @@ def scenarios(draw: st.DrawFn) -> Scenario:
 
 
 def box(start: Start) -> np.ndarray:
-    """Return the corners and the middle of a body."""
+    """Return the corners of a body, (4, 2) m."""
     ahead = KINDS[start.kind].length / 2
     left = KINDS[start.kind].width / 2
     return np.array(
@@ -71,10 +74,11 @@ def of(layout: Layout, *kinds: str) -> list[Start]:
 
 
 def strictly_in(points: np.ndarray, *areas: Sequence[float]) -> bool:
-    """Whether the middle or a corner of a box is in one of the areas.
+    """Whether the middle or a corner of a box is in one of the areas (west, south, east, north).
 
-    That is enough for bodies, which are smaller than the areas.
+    That is enough for bodies, which are smaller than the areas. `points`: the corners, (4, 2) m.
     """
+    # Points along the second axis, areas along the first one.
     x, y = np.vstack([points, points.mean(axis=0)]).T
     west, south, east, north = np.array(areas).T[..., None]
     return bool(np.any((west < x) & (x < east) & (south < y) & (y < north)))
@@ -129,10 +133,12 @@ def assert_counts(layout: Layout) -> None:
 
 
 def assert_people_keep_off(layout: Layout) -> None:
+    """Assert that no person stands in the rows, and no person or animal where robots drive off."""
     lines = layout.tree_lines
     for start in of(layout, *PEOPLE):
         assert not strictly_in(box(start), (ROW_WEST, lines[-1], layout.row_east, lines[0])), start
         assert start.pose.yaw in HEADINGS.values()
+    # The 1.5 m before the front of each picker, which is 1.25 m ahead of its middle.
     ways = [
         (p.pose.x + 1.25, p.pose.y - 0.75, p.pose.x + 2.75, p.pose.y + 0.75)
         for p in of(layout, "picker")
@@ -141,12 +147,14 @@ def assert_people_keep_off(layout: Layout) -> None:
         assert not strictly_in(
             box(start),
             layout.queue.in_use(layout.scenario.carrier_count),
+            # The tractor's track.
             (-48.0, 26.0, -22.0, 32.0),
             *ways,
         ), start
 
 
 def assert_weeds_in_their_strips(layout: Layout) -> None:
+    """Assert that half of the weeds are north of all trees, and half south of them."""
     first = layout.tree_lines[0]
     last = layout.tree_lines[-1]
     above = [weed for weed in of(layout, "weed") if weed.pose.y >= first]
@@ -158,6 +166,7 @@ def assert_weeds_in_their_strips(layout: Layout) -> None:
 @settings(max_examples=10)
 @given(scenarios())
 def test_guests_are_clear_of_walls_and_machines_at_any_yaw(scenario: Scenario) -> None:
+    """A guest may turn, so it is a circle here. It is 0.3 m or more from any box that stands."""
     layout = lay_out(scenario)
     machines = [start for start in layout.starts if KINDS[start.kind].robot]
     still = [tuple(wall) for wall in layout.walls] + [
@@ -245,7 +254,8 @@ def test_a_given_queue_place_gives_way_to_the_nearest_free_one(
     to_the_edge = min(
         queue.north - given_place[1], given_place[1] - queue.south, abs(queue.east - given_place[0])
     )
-    # Half a body, and the grid.
+    # It must be out of the queue by half of its diagonal of 1.14 m. 0.5 m are two steps of the grid
+    # on which free places are looked for.
     assert 0.0 < moved <= max(to_the_edge, 0.0) + 0.571 + 0.5
 
 
@@ -258,13 +268,14 @@ def test_a_dog_is_not_put_where_robots_drive_off(
     place: tuple[float, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(placement.GIVEN, "dog", (place,))
-    # Layouts are kept.
+    # Layouts are kept: without this the test would get one that was made before.
     monkeypatch.setattr(layouts, "_laid_out", layouts._laid_out.__wrapped__)
     x, y = places(Scenario())["dog_01"]
     assert 0.0 < math.dist((x, y), place) < 5.0
 
 
 def test_animals_may_stand_in_rows_but_not_in_trees() -> None:
+    """In this orchard trees stand at the given place of dog_01, and it is put up to 2 m aside."""
     at = places(Scenario(rows=7, row_width=6.75))
     assert all(abs(at["dog_01"][i] - (20.0, -11.0)[i]) < 2.0 for i in (0, 1))
 
@@ -298,12 +309,14 @@ def test_trees_and_lanes_lie_where_the_reference_puts_them(rows: int, width: flo
 
 
 def test_every_line_has_twelve_trees_and_eleven_posts() -> None:
+    """They stand by turns, 3 m apart. Walls are boxes (x, y, half length, half width): those of
+    trees and posts are half a metre long. Four rows have five lines, and there are four fences.
+    """
     layout = lay_out(Scenario(rows=4))
     for y in layout.tree_lines:
         xs = sorted(
             wall[0] for wall in layout.walls if wall[1] == pytest.approx(y) and wall[2] == 0.25
         )
-        # Trees and posts by turns.
         assert xs == [-34.5 + 3.0 * i for i in range(23)]
     assert len(layout.walls) == 4 + 5 * 23
 
@@ -321,6 +334,7 @@ def test_fences_are_a_metre_thick_and_close_the_field() -> None:
 
 
 def test_the_driveway_and_the_bay_are_in_the_top_left_corner() -> None:
+    """The driveway is 30 m by 10 m, and its middle is where the manual says."""
     assert (DRIVEWAY.east - DRIVEWAY.west, DRIVEWAY.north - DRIVEWAY.south) == pytest.approx(
         (30.0, 10.0)
     )
@@ -335,7 +349,7 @@ def test_the_driveway_and_the_bay_are_in_the_top_left_corner() -> None:
 
 @settings(max_examples=15)
 @given(scenarios())
-# The second one starts in the east.
+# Its second picker starts in the east.
 @example(Scenario(rows=4, pickers=2))
 def test_robots_start_with_their_bins_behind_them(scenario: Scenario) -> None:
     layout = lay_out(scenario)

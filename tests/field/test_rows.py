@@ -15,6 +15,7 @@ from orchard.field.queue import CLOSED_UP, MOST_CARRIERS, QUEUES, TWO_WAY, queue
 from orchard.field.rows import RULES, Block, rows_to_pickers
 from orchard.field.scenario import LEAST_CV, WIDEST, Scenario, check, parse
 
+# (rows, pickers).
 sizes = st.integers(3, 20).flatmap(lambda rows: st.tuples(st.just(rows), st.integers(2, rows)))
 
 
@@ -54,6 +55,7 @@ def test_every_second_picker_starts_in_the_east_with_both_ends(size: tuple[int, 
 @pytest.mark.parametrize(
     ("rows", "pickers", "counts"),
     [(5, 2, [2, 3]), (3, 3, [1, 1, 1]), (20, 3, [6, 6, 8]), (20, 11, [1] * 10 + [10])],
+    ids=str,
 )
 def test_the_manuals_rule_gives_the_last_picker_the_remainder(
     rows: int, pickers: int, counts: list[int]
@@ -95,7 +97,8 @@ def times(distribution: str, cv: float, speed: float) -> list[float]:
 def share_below(distribution: str, time: float, cv: float, least: float) -> float:
     """Return the probability that a row takes less than `time`.
 
-    It is the closed form of the distribution. `least`: the time to drive along the row.
+    It is the closed form of the distribution. `least`: the time to drive along the row. Times are
+    shares of the mean time. What is drawn is the time beyond the least one: `share`, of its mean.
     """
     share = (time - least) / (1.0 - least)
     cv = cv / (1.0 - least)
@@ -124,6 +127,7 @@ def test_picking_times_have_the_named_mean_and_distribution(
     drawn = times(distribution, cv, speed)
     assert fmean(drawn) == pytest.approx(1.0, abs=4 * cv / math.sqrt(DRAWS))
     assert pstdev(drawn) == pytest.approx(cv, rel=0.06)
+    # The standard error of a share is at most half of 1 / sqrt(DRAWS).
     for time in (0.6, 0.8, 1.0, 1.3):
         expected = min(max(share_below(distribution, time, cv, least=speed), 0.0), 1.0)
         share = sum(row_time < time for row_time in drawn) / DRAWS
@@ -219,6 +223,8 @@ def test_times_between_failures_and_of_repairs_are_exponential() -> None:
         for seed in range(100)
         for number in range(100)
     ]
+    # Of an exponential distribution the share exp(-k) is more than k times the mean. Of 10,000
+    # draws a mean has a standard error of 1 %, a share one of 0.5 % at most.
     for column, mean in enumerate((3600.0, 300.0)):
         values = [pair[column] for pair in drawn]
         assert fmean(values) == pytest.approx(mean, rel=0.04)
@@ -246,11 +252,14 @@ def test_every_place_lies_between_bay_and_delivery_road(
     places = [queue.place(number) for number in range(carriers)]
     assert len({place[:2] for place in places}) == carriers
     assert all(queue.area.contains(place.x, place.y) for place in places)
+    # A carrier reaches 0.9 m ahead of its middle, and its bin 2.4 m behind it. One that unloads
+    # stands at x = -30 m, further east by `bay`, and 0.8 m must be free before it.
     last = queue.head - CLOSED_UP * (queue.places - 1)
     assert last - 2.4 >= -30.0 + bay + 0.9 + 0.8, (
         "the tail of the line, closed up, is clear of a carrier that unloads"
     )
     assert queue.area.west <= last
+    # The middle of the delivery road is at x = 38.75 m in rows of 70 m; carriers are 1.5 m wide.
     assert queue.head + 0.9 < 38.75 - 0.75 + length - 70.0
 
 
@@ -277,6 +286,9 @@ def test_a_bay_further_east_leaves_room_for_fewer() -> None:
 
 @pytest.mark.parametrize(("length", "trees"), [(20.0, 3), (70.0, 12), (200.0, 33)])
 def test_longer_rows_move_the_east_side_and_add_trees(length: float, trees: int) -> None:
+    """Rows begin at x = -35.5 m. With rows of 70 m the east fence is at 50 m. There is a tree every
+    6 m, the last one 3 to 9 m before the end of the row.
+    """
     layout = lay_out(Scenario(row_length=length, carriers=2))
     assert layout.row_east == -35.5 + length
     assert len(layout.lines[0].trees_x) == trees
@@ -291,7 +303,10 @@ def counts_of(**values: object) -> list[int]:
 
 
 def test_rows_by_times_are_fewer_for_who_is_slow_or_away() -> None:
-    """Half as fast: 2.4 of 12 rows. Each row takes 40 min, and three of them 2 h."""
+    """A picker that is half as fast as two others gets 12 / 5 = 2.4 rows, so 2. At 1.5 bins an hour
+    a row takes 40 min: a picker that is away for 2 h would have picked three rows. One that leaves
+    after 2.5 h has three rows done by then.
+    """
     assert counts_of() == [4, 4, 4]
     assert counts_of(picking_rate=1.5, picker_rates={"picker_02": 0.5}) == [5, 2, 5]
     assert counts_of(picking_rate=1.5, picker_absences={"picker_03": [[0.0, 2.0]]}) == [5, 5, 2]
@@ -299,6 +314,7 @@ def test_rows_by_times_are_fewer_for_who_is_slow_or_away() -> None:
 
 
 def test_rows_by_times_count_how_long_rows_are() -> None:
+    """Two rows of 150 m are as much as six of 50 m."""
     lengths = [150.0, 150.0, 50.0, 50.0, 50.0, 50.0, 50.0, 50.0]
     rows = []
     for number, length in enumerate(lengths):

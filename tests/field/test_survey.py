@@ -28,24 +28,26 @@ def test_surveyed_rows_lie_as_surveyed_without_overlaps(drawn: list[Row]):
     first = layout.lane(1).y
     for row, lane in zip(drawn, layout.lanes, strict=True):
         assert (first - lane.y, lane.west - ROW_WEST, lane.length) == pytest.approx(row, abs=1e-9)
+        # The lines of trees next to the lane. Trees are half a metre thick.
         north = min((line for line in layout.lines if line.y > lane.y), key=lambda line: line.y)
         south = max((line for line in layout.lines if line.y < lane.y), key=lambda line: line.y)
-        assert (
-            south.y + 0.25 + lane.width / 2
-            <= lane.y + 1e-9
-            <= north.y - 0.25 - lane.width / 2 + 2e-9
-        )
+        # 1 nm, and 1 um below, are for the last bits only.
+        assert south.y + 0.25 + lane.width / 2 <= lane.y + 1e-9
+        assert lane.y + lane.width / 2 + 0.25 <= north.y + 1e-9
         assert min(north.west, south.west) <= lane.west
         assert lane.east <= max(north.east, south.east)
-        assert all(
-            line.west + 1.0 - 1e-6 <= x <= line.east - 3.0 + 1e-6
-            for line in (north, south)
-            for x in line.trees_x
-        )
+        # The first tree stands 1 m or more from the west end, the last one 3 m from the east end.
+        for line in (north, south):
+            for x in line.trees_x:
+                assert line.west + 1.0 - 1e-6 <= x <= line.east - 3.0 + 1e-6
 
 
 def test_where_rows_are_missing_each_side_has_trees_of_its_own():
-    """Two rows of six metres are missing, and no line of trees stands in the middle of the gap."""
+    """Two rows of six metres are missing, and no line of trees stands in the middle of the gap.
+
+    Each line of trees is 3 m, half a row, from a row. Between two rows it begins with the one that
+    begins further west. `lines`: how far each is south of the first row, and where it begins, m.
+    """
     rows = [Row(0.0, 0.0, 60.0), Row(6.0, 3.0, 57.0), Row(24.0, 10.0, 50.0), Row(30.0, 12.0, 48.0)]
     layout = lay_out(orchard_of(rows))
     first = layout.lane(1).y
@@ -55,6 +57,7 @@ def test_where_rows_are_missing_each_side_has_trees_of_its_own():
 
 
 def test_a_missing_close_row_leaves_two_lines_of_trees():
+    """Rows are 4 m apart, and the third one is missing: two lines stand where its trees were."""
     rows = [Row(south, 0.0, 40.0) for south in (0.0, 4.0, 12.0, 16.0)]
     layout = lay_out(orchard_of(rows))
     first = layout.lane(1).y
@@ -85,7 +88,7 @@ def test_equal_rows_by_survey_are_those_without_one():
 
 @pytest.mark.parametrize(("route", "rule"), [(ONE_WAY, "balanced"), (TWO_WAY, "balanced-ends")])
 def test_surveyed_rows_are_harvested_to_the_end(route: str, rule: str):
-    # With this policy no two choices are nearly as good, so both models choose the same.
+    # With `predictive` no two choices are nearly as good here, so both models choose the same.
     stage = Stage(
         orchard_of(
             UNEQUAL, pickers=2, carriers=2, route=route, rows_to_pickers=rule, dispatch="predictive"
@@ -102,6 +105,7 @@ def test_surveyed_rows_are_harvested_to_the_end(route: str, rule: str):
 
 
 def test_a_short_row_fills_its_bin_and_takes_its_own_time():
+    """At 0.5 m/s each metre takes 2 s."""
     layout = lay_out(orchard_of(UNEQUAL, picking_speed=0.5))
     assert [
         layout.picking_seconds(lane.number, lane.length) for lane in layout.lanes
@@ -113,6 +117,7 @@ def test_a_short_row_fills_its_bin_and_takes_its_own_time():
 
 
 def test_a_rate_with_a_bin_a_row_is_that_of_the_mean_row():
+    """60 bins an hour are one in 60 s."""
     layout = lay_out(orchard_of(UNEQUAL, picking_rate=60.0))
     assert fmean(
         layout.picking_seconds(lane.number, lane.length) for lane in layout.lanes
@@ -123,6 +128,9 @@ def test_a_rate_with_a_bin_a_row_is_that_of_the_mean_row():
 
 
 def test_the_plan_shows_each_row_at_its_place():
+    """The drawing has 12 units a metre; a row is a strip of its length, 24 units high. The four
+    rows are 104.5 m long in all.
+    """
     stage = Stage(orchard_of(UNEQUAL))
     for lane in stage.world.layout.lanes:
         assert f'width="{round(12 * lane.length, 2)}" height="24.0"' in orchard_plan(
@@ -155,6 +163,7 @@ def far_apart() -> dict:
     return {"survey": {"rows": [row | {"south": 20.0 * i} for i, row in enumerate(listed)]}}
 
 
+# What differs from the survey of UNEQUAL, and words of the error.
 NO_SURVEYS = [
     ({"rows": 5}, "rows = 5: must be 4"),
     (

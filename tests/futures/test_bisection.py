@@ -1,4 +1,9 @@
-"""The search for the moment of a decision, with futures that are made by hand."""
+"""The search for the moment of a decision, with futures that are made by hand.
+
+A future is a run that goes on from a moment; from each moment several go on, with different draws.
+The search halves the time between the last moment from which some future ends well, and the first
+one from which none does. Moments are ticks.
+"""
 
 import pytest
 
@@ -16,7 +21,8 @@ def future(ended="harvested", **figures):
 def searched(decided, first, count=2):
     """Search where all futures from a tick after `decided` on jam.
 
-    `first`: the moments that were kept.
+    `first`: the moments whose futures are lived before the search. Return the search, and the
+    moments whose futures were lived, in their order.
     """
     asked = []
 
@@ -35,6 +41,7 @@ def test_the_last_good_moment_is_found_to_a_second(decided):
     bisection, asked = searched(decided, [0, 600, 1200])
     assert bisection.last_good <= decided < bisection.first_bad
     assert bisection.first_bad - bisection.last_good <= NEAR
+    # The first three; and six halvings of 600 ticks leave less than NEAR. One more is allowed.
     assert len(asked) <= 3 + 7
 
 

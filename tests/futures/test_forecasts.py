@@ -1,17 +1,24 @@
-"""The event model beside the simulator: futures of a fork, and the search for a decision."""
+"""Forecasts: `orchard fork --futures` asks the event model first, and then the simulator.
+
+A future is a run that goes on from a moment, (number of its draws, snapshot). `live` simulates it;
+`forecast` lets the event model do it, or returns None where that cannot. The search for a decision
+expects an answer from forecasts, and simulates only the moments that confirm it.
+"""
 
 import pytest
 from quiet import NOBODY
 
 from orchard.field.scenario import Scenario
 from orchard.fork.forked import forked
-from orchard.futures.bisection import Bisection, badly, confirmed_search, expected_search
+from orchard.futures.bisection import NEAR, Bisection, badly, confirmed_search, expected_search
 from orchard.futures.forecasts import forecast
 from orchard.futures.moments import live
 from orchard.local import Local
 
 SMALL = {"rows": 4, "pickers": 2, "carriers": 2, "row_length": 24.0, "queue_room": 3}
+# Ticks for which a future may go on: until it ends.
 FOREVER = 10**9
+# The ticks at which futures begin first.
 MOMENTS = [0, 600, 1200]
 # Harvests of 600 s end well.
 ENDS_BADLY = badly("sim_seconds>700", ["sim_seconds"])
@@ -38,7 +45,9 @@ def test_a_forecast_is_what_the_simulator_lives(changes, tick):
 
 
 def test_bins_that_had_called_report_to_the_dispatcher_of_a_fork():
-    """It knows nothing of the parent's calls: a bin that waits is fetched all the same."""
+    """With one carrier the run has no dispatcher, and its fork has one, which knows nothing of the
+    calls before. A bin that waits is fetched all the same.
+    """
     first_moment = forked(moment_at(1000, carriers=1), {"carriers": 2})
     lived = live(FOREVER, (0, first_moment))
     expected = forecast((0, first_moment))
@@ -60,7 +69,10 @@ def test_of_robots_that_were_stopped_there_is_no_forecast():
 
 
 class OnPaper:
-    """Futures that are not simulated. Up to a tick each ends well, as the forecast says."""
+    """Futures that are not simulated. Each ends well if it begins up to the tick `decided`.
+
+    By its forecast it does so up to the tick `expected`; None: there is no forecast.
+    """
 
     def __init__(self, decided, expected):
         self.decided = decided
@@ -79,14 +91,14 @@ class OnPaper:
 
 
 def searched(monkeypatch, futures):
-    """Search where all futures from a tick after `decided` on jam.
-
-    `first`: the moments that were kept.
-    """
+    """Search for the decision of `OnPaper` futures, by forecasts and then by lives."""
+    # Nothing is compiled, and there is no scenario to check: a moment here is only its tick.
     monkeypatch.setattr("orchard.futures.bisection.get_ready", list)
     monkeypatch.setattr("orchard.futures.bisection.check", lambda scenario: scenario)
 
     class Tick(int):
+        """A tick in place of a snapshot."""
+
         scenario = None
 
     def begun_at(tick):
@@ -98,6 +110,7 @@ def searched(monkeypatch, futures):
 
 @pytest.mark.parametrize(("decided", "count"), [(-1, 2), (0, 2), (777, 2), (9999, 1)])
 def test_what_is_expected_is_confirmed_at_one_or_two_moments(monkeypatch, decided, count):
+    """`count`: the moments that are simulated: the last good one and the first bad one."""
     futures = OnPaper(decided, expected=decided)
     assert_is_found(searched(monkeypatch, futures), decided)
     assert len(futures.lived_ticks) == count
@@ -118,4 +131,4 @@ def assert_is_found(bisection: Bisection, decided: int) -> None:
         assert well == MOMENTS[-1]
         assert bad is None
     else:
-        assert well <= decided < bad <= well + 10
+        assert well <= decided < bad <= well + NEAR

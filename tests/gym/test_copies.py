@@ -1,5 +1,8 @@
 """A copy of an environment goes on as the environment itself, by deepcopy and by pickle, before and
 after its first reset.
+
+Environments are copied to search from a state, and pickled to other processes. A reward that is a
+lambda has no name, so cloudpickle must carry it.
 """
 
 import copy
@@ -21,9 +24,11 @@ CARRIER = "carrier_01"
 
 
 def seconds_less(moment, weight):
+    """A reward of dispatch and of robots alike: minus what the moment has, times a weight."""
     return -weight * len(moment)
 
 
+# Each kind of environment and of reward -> a function that makes it.
 MAKERS = {
     "parallel": lambda: parallel_env(SMALL, [CARRIER]),
     "parallel with deeds and a hash": lambda: parallel_env(
@@ -44,12 +49,12 @@ COPIES = {"deepcopy": copy.deepcopy, "pickle": lambda env: pickle.loads(pickle.d
 
 
 def steps(env, infos, count):
-    """Return what an environment tells in some steps, as text of all bits.
-
-    It does what our agents would do.
+    """Let an environment do some steps as the built-in agents would. Return what it answers, as
+    text of all bits, and the infos of the last step.
     """
     told = []
     for _ in range(count):
+        # An environment of one robot has the info itself, one of several a map of them.
         info = infos.get(CARRIER, infos)
         action = info["scripted"]
         if "action_mask" in info and isinstance(info["action_mask"], dict):

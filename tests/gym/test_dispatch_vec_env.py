@@ -1,5 +1,9 @@
 """Dispatch in many orchards at once: the same episodes as single environments have, Gymnasium's
 rules for vectors, copies, and names by which Gymnasium makes environments.
+
+A vector steps all its orchards by one compiled loop. A single environment, `dispatch_env`, does the
+same in Python; so each is a test of the other one. `action_mask` has a row for each orchard, with 1
+for each action that can be done.
 """
 
 import copy
@@ -51,11 +55,15 @@ SCENARIOS = {
         SMALL, load_out={"seconds_away": 90.0, "trailers": {"count": 1, "bins": 2}}
     ),
 }
+# The arrays of an observation.
 TOLD = ("bins", "carriers", "seconds")
 
 
 def chosen(random, masks):
-    """Return an action of each orchard, now and then one that cannot be."""
+    """Return an action of each orchard, drawn from its mask.
+
+    In one of ten calls the first orchard gets its last action, whether that can be done or not.
+    """
     actions = [int(random.choice(np.flatnonzero(mask))) for mask in masks]
     if random.random() < 0.1:
         actions[0] = len(masks[0]) - 1
@@ -63,12 +71,16 @@ def chosen(random, masks):
 
 
 def assert_same(observations, others):
+    """Assert that two observations are equal to the last bit."""
     for key in TOLD:
         np.testing.assert_array_equal(observations[key], others[key], key)
 
 
 def assert_goes_on_alike(env, other, infos, steps):
-    """Do the same in two vectors. Return how many episodes ended."""
+    """Do the same random steps in two vectors, and assert that they answer the same.
+
+    `infos`: those of the last step. Return how many episodes ended.
+    """
     random = np.random.default_rng(3)
     ended = 0
     for _ in range(steps):
@@ -106,7 +118,11 @@ def test_a_vector_of_one_has_the_episode_of_the_single_one(name):
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
 def test_many_orchards_are_as_many_single_ones(mode):
-    """Gymnasium's own vector of single environments does the same, over several episodes."""
+    """Gymnasium's own vector of single environments does the same, over several episodes.
+
+    In both modes an orchard whose episode is over begins the next one by itself: in the next step,
+    or in the same one.
+    """
     env = dispatch_vec_env(SMALL, 3, autoreset_mode=mode)
     singles = SyncVectorEnv([lambda: dispatch_env(SMALL)] * 3, autoreset_mode=mode)
     observations, infos = env.reset(seed=7)
@@ -131,6 +147,7 @@ def test_the_end_of_an_episode_is_told_in_the_same_step():
         _, _, terminated, truncated, infos = env.step(actions)
         others = singles.step(actions)[4]
         ended = terminated | truncated
+    # An underscore names the mask of a value: for which orchards it is there.
     np.testing.assert_array_equal(infos["_final_obs"], others["_final_obs"])
     number = int(np.flatnonzero(ended)[0])
     assert_same(infos["final_obs"][number], others["final_obs"][number])
@@ -170,6 +187,7 @@ def test_a_reward_that_is_no_number_is_an_error():
 
 
 def test_the_highest_seeds_are_seeds():
+    """The second orchard has the seed after that of the first, and 2**63 is no seed."""
     env = dispatch_vec_env(with_changes(SMALL, seed=2**63 - 1), 2)
     env.reset()
     with pytest.raises(ValueError, match=f"seed {2**63 - 1}: must be a whole number from 0 to"):
@@ -177,7 +195,7 @@ def test_the_highest_seeds_are_seeds():
     env.reset(seed=2**63 - 2)
 
 
-def test_who_never_sends_a_carrier_is_truncated():
+def test_episodes_without_any_carrier_sent_are_truncated():
     env = dispatch_vec_env(SMALL, 2)
     singles = SyncVectorEnv([lambda: dispatch_env(SMALL)] * 2)
     env.reset(seed=1)
@@ -191,8 +209,13 @@ def test_who_never_sends_a_carrier_is_truncated():
         ended = truncated.any()
 
 
-@pytest.mark.parametrize("made", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+@pytest.mark.parametrize(
+    "made",
+    [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))],
+    ids=["deepcopy", "pickle"],
+)
 def test_a_copy_goes_on_as_the_vector_does(made):
+    """`unused` is copied before the first reset, `twin` in the middle of an episode."""
     env = dispatch_vec_env(Scenario(**EVENTFUL), 3, reward=lambda happened: -len(happened))
     unused = made(env)
     _, infos = env.reset(seed=2)
@@ -205,7 +228,11 @@ def test_a_copy_goes_on_as_the_vector_does(made):
 
 @pytest.mark.parametrize("seed", [0, 9, 12345678901234567, 2**63 - 1])
 def test_compiled_draws_are_those_of_python(seed):
-    """Also after there was no more room for them."""
+    """Also after room was made for more of them (64).
+
+    `draws` of Python draws four numbers of each kind for each robot. In the arrays of the batch
+    orchard 1, the second, has `count` of them for each robot, one robot after the other.
+    """
     env = dispatch_vec_env(Scenario(**EVENTFUL), 2)
     env.reset(seed=[1, seed])
     batch = env._batch
@@ -221,6 +248,7 @@ def test_compiled_draws_are_those_of_python(seed):
 
 
 def test_more_draws_than_there_is_room_for_are_made_room_for(monkeypatch):
+    """At first there is room for 4 draws for each of the four robots, in `roomy` for 64."""
     monkeypatch.setattr(harvests, "ROOM", 4)
     env = dispatch_vec_env(SMALL, 2)
     roomy = dispatch_vec_env(SMALL, 2)
@@ -260,6 +288,7 @@ def test_gymnasium_makes_environments_by_their_names():
         gymnasium.make("orchard/Dispatch-v1", scenario=SMALL).unwrapped, skip_render_check=True
     )
     robot = gymnasium.make("orchard/Robot-v1", scenario=SMALL, robot="picker_01")
+    # x, y, cosine and sine of the yaw.
     assert robot.reset(seed=1)[0]["pose"].shape == (4,)
     many = gymnasium.make_vec("orchard/Dispatch-v1", num_envs=3, scenario=SMALL, reward="waiting")
     assert type(many.unwrapped).__name__ == "DispatchVecEnv"
@@ -302,7 +331,9 @@ def test_mistakes_are_told():
 
 
 def test_the_machine_reads_as_many_draws_as_there_are():
-    """The number of draws stands where the machine reads the length of their array."""
+    """The machine gets the address of each array and its lengths, as words. Word 2 is the length of
+    the second axis: of draws, how many there are of each robot.
+    """
     env = dispatch_vec_env(SMALL, 2)
     env.reset(seed=1)
     words = env._batch.arrays["addresses"].reshape(2, len(columns.ARRAYS), -1)

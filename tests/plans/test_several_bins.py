@@ -1,5 +1,8 @@
 """Several bins a row: a bin that fills inside a row is left at its end, and one that is part full
 there goes on with the next row.
+
+A pass is one drive of a picker through a row (orchard/field/passes.py). In each pass it picks what
+still goes into its bin.
 """
 
 from functools import cache
@@ -34,7 +37,11 @@ from orchard.tables.exchanges import exchanges
     st.sampled_from(ROW_ORDERS),
 )
 def test_each_metre_is_picked_once_and_bins_are_full(rows, metres_per_bin, start, order):
-    """`rows`: x of the west and of the east end of each row, m."""
+    """`rows`: x of the west and of the east end of each row, m.
+
+    `start`: the end at which the picker begins. `order`: the rule that says which part of a row a
+    pass picks first.
+    """
     block = Block(tuple(range(1, len(rows) + 1)), start)
     passes = passes_of(rows, block, metres_per_bin, ORDERS[order])
 
@@ -43,7 +50,7 @@ def test_each_metre_is_picked_once_and_bins_are_full(rows, metres_per_bin, start
     for count, pass_ in enumerate(passes):
         assert pass_.end == ends[count % 2]
 
-    # The parts of a row follow each other without a gap.
+    # The parts of a row follow each other without a gap. A part is (its west end, its east end).
     for number, (west, east) in enumerate(rows, start=1):
         parts = sorted(sorted((part.begin, part.stop)) for part in passes if part.row == number)
         assert parts[0][0] == west
@@ -51,7 +58,8 @@ def test_each_metre_is_picked_once_and_bins_are_full(rows, metres_per_bin, start
         for (_, end), (begin, _) in pairwise(parts):
             assert end == pytest.approx(begin)
 
-    # All bins but the last one are full.
+    # All bins but the last one are full. Each may lack FULL_WITHIN, a micrometre: 1e-4 m is the sum
+    # for a hundred bins.
     fills = [pass_.fill for pass_ in passes if pass_.leaves_bin]
     assert passes[-1].leaves_bin
     for pass_ in passes:
@@ -86,17 +94,29 @@ def orchards(draw: st.DrawFn) -> dict[str, Any]:
 
 
 def in_turn(first: float, last: float, metres: float) -> float:
-    """Give rows to pickers in turn, as a rule of the user's own."""
-    return first if round(abs(last - first)) % 2 else outward(first, last, metres)
+    """Return where a pass begins, as a user's own rule for the order in a row, x in m.
+
+    It begins at one edge of what is unpicked or ends at the other one, as the whole metres that are
+    left are odd or even. `metres`: what the pass picks.
+    """
+    if round(abs(last - first)) % 2 == 1:
+        return first
+    return outward(first, last, metres)
+
+
+# No harvest here is longer: a bound, so that one that never ends fails.
+MOST_TICKS = 2_000_000
 
 
 def harvested(scenario: Scenario, holds: type[Lookahead] = Lookahead, kill_every: int = 0) -> Stage:
     """Harvest a scenario to its end.
 
-    `kill_every`: ticks after which new agents take the place of all; 0: never.
+    `holds`: the class that says which agents are asked; CheckedHolds asks all, and fails if one
+    that holds its velocity would have given another. `kill_every`: ticks after which new agents
+    take the place of all; 0: never.
     """
     stage = Stage(scenario, holds=holds)
-    while kill_every and not stage.local.engine.over and stage.world.tick < 2_000_000:
+    while kill_every and not stage.local.engine.over and stage.world.tick < MOST_TICKS:
         stage.run(kill_every / 10)
         start_afresh(stage.local)
     stage.run_to_the_end(200_000.0)
@@ -112,6 +132,7 @@ def assert_all_is_picked_into_bins_and_delivered(stage: Stage) -> None:
     metres_of_pickers = []
     for block in layout.blocks.values():
         metres_of_pickers.append(sum(layout.lane(row).length for row in block.rows))
+    # Less than a micrometre more than whole bins begins no further bin.
     bins = sum(ceil(metres / scenario.metres_per_bin - 1e-6) for metres in metres_of_pickers)
     assert world.row_picked.tolist() == pytest.approx([lane.length for lane in layout.lanes])
     assert layout.bins == bins
@@ -132,9 +153,9 @@ def assert_all_is_picked_into_bins_and_delivered(stage: Stage) -> None:
         assert exchange["unloaded"]
 
 
-# s
+# A picker breaks down once a minute on average, and is repaired in 20 s.
 FAILURE = {"failure": {"mean_between": 60.0, "mean_repair": 20.0}}
-# m
+# Positions are off by 2 cm of noise, and by a bias of 3 cm.
 GNSS = {"gnss": {"white": 0.02, "bias": 0.03}}
 # What differs from an orchard of 3 rows of 30 m and 4 carriers, by the keys of a scenario.
 HARVESTS: dict[str, dict[str, Any]] = {
@@ -186,10 +207,13 @@ def harvest_of(name: str) -> Scenario:
 
 @cache
 def snapshots_of(name: str) -> tuple[Stage, list[Snapshot]]:
-    """Harvest to the end. Return snapshots on the way and at the end."""
+    """Harvest to the end. Return the stage, and snapshots on the way and at the end.
+
+    A snapshot is taken every 1,500 ticks, and first at tick 700, in the middle of the first pass.
+    """
     stage = Stage(harvest_of(name), is_hashed=True)
     kept = []
-    while not stage.local.engine.over and stage.world.tick < 2_000_000:
+    while not stage.local.engine.over and stage.world.tick < MOST_TICKS:
         stage.tick()
         if stage.world.tick % 1500 == 700:
             kept.append(stage.local.snapshot())
@@ -203,6 +227,7 @@ def test_all_is_picked_into_bins_and_delivered(name):
 
 
 def test_no_hold_is_wrong():
+    """A hold is how long an agent's velocity stands without its being asked."""
     assert_all_is_picked_into_bins_and_delivered(
         harvested(harvest_of("two-way, and from both ends"), CheckedHolds)
     )
@@ -240,6 +265,9 @@ def test_a_run_resumes_anywhere_to_the_same_hash(name):
 
 
 def test_a_picker_remembers_few_steps_however_many_bins_it_fills():
+    """Its whole plan has thousands of steps: 40 bins a row. Its memory, in bytes, has only the next
+    ones.
+    """
     stage = Stage(empty_orchard(rows=20, row_length=200.0, metres_per_bin=5.0))
     stage.run(5.0)
     layout = stage.world.layout
@@ -247,12 +275,21 @@ def test_a_picker_remembers_few_steps_however_many_bins_it_fills():
     assert len(pack(stage.local.memories["picker_01"])) < 8192
 
 
+# s of a picker from a row's end out, around and back into the row: 6.5 s out, two turns of 4 s, two
+# answers of 0.2 s, and 6.5 s back in the east, 8.5 s in the west. So 21.4 s or 23.4 s.
+TURN_AROUND = 22.4
+
+
 @pytest.mark.parametrize(
     ("metres_per_bin", "bins", "seconds"),
-    [(None, 3, 0.0), (70.0, 3, 0.0), (17.5, 12, 0.75 * (70.0 + 22.4))],
+    [(None, 3, 0.0), (70.0, 3, 0.0), (17.5, 12, 3 / 4 * (70.0 + TURN_AROUND))],
+    ids=["a bin a row", "bins of a row's length", "four bins a row"],
 )
 def test_the_summary_has_the_cost_of_drives_to_row_ends(metres_per_bin, bins, seconds):
-    """With four bins a row there are three more drives through 70 m, and three more turns."""
+    """With four bins a row there are three more drives through 70 m at 1 m/s, and three more turns.
+
+    `seconds` are for each of the four bins. With them a third of a picker's time goes there.
+    """
     stage = Stage(empty_orchard(pickers=3, metres_per_bin=metres_per_bin))
     figures = stage.account.figures()
     assert figures["bins"] == bins

@@ -1,5 +1,9 @@
 """The traffic plan: each place where a robot or a bin may stand is clear of each drive and turn
 there, and turns are of each other.
+
+`walks_of` (tests/support/walks.py) drives each plan without an obstacle. It gives the rectangles in
+which robots and bins may stand, those that a drive must find free, and the turns: each an `Area`,
+(x, y, half its size in x, half its size in y, ...), m.
 """
 
 from collections.abc import Iterable
@@ -39,27 +43,35 @@ QUARTER = np.pi / 2
 
 
 def swept(shape: np.ndarray, x: float, y: float, start: float, turn: float) -> np.ndarray:
-    """Return all points that a shape passes while it turns on the spot.
+    """Return all points that a shape passes while it turns on the spot at (x, y), (181 k, 2) m.
 
-    The steps are a degree at most.
+    `shape`: points of its outline in the robot's frame, (k, 2) m. `start`: its yaw, rad; `turn`: by
+    how much it turns, at most pi. So a step of 180 is a degree at most.
     """
     angles = start + np.linspace(0.0, turn, 181)
-    c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
-    px, py = shape[:, 0], shape[:, 1]
-    return np.stack([x + c * px - s * py, y + s * px + c * py], axis=-1).reshape(-1, 2)
+    cosines = np.cos(angles)[:, None]
+    sines = np.sin(angles)[:, None]
+    ahead, aside = shape[:, 0], shape[:, 1]
+    swept_x = x + cosines * ahead - sines * aside
+    swept_y = y + sines * ahead + cosines * aside
+    return np.stack([swept_x, swept_y], axis=-1).reshape(-1, 2)
 
 
 def gap(points: np.ndarray, others: np.ndarray) -> float:
-    """Return the least distance between points of two sets, m.
+    """Return the least distance between points of two sets, each (n, 2) m.
 
-    A sample of both tells how far it is at most. So all points need not be compared.
+    The distance between every twentieth point of both is a bound from above. Points that are
+    further from all others than this bound need not be compared.
     """
     most = least(points[::20], others[::20])
     return least(facing(points, others, most), facing(others, points, most))
 
 
 def facing(points: np.ndarray, others: np.ndarray, most: float) -> np.ndarray:
-    """Return those points that may be as near as `most` to others, which lie in a circle."""
+    """Return those points that may be as near as `most`, m, to one of the others.
+
+    They are near the circle around all others.
+    """
     centre = (others.min(axis=0) + others.max(axis=0)) / 2
     radius = np.hypot(*(others - centre).T).max()
     return points[np.hypot(*(points - centre).T) <= radius + most]
@@ -71,6 +83,10 @@ def least(points: np.ndarray, others: np.ndarray) -> float:
 
 
 def test_what_turns_sweep_is_what_the_plan_says():
+    """A robot, or a robot with its bin, sweeps a circle of this radius, m, where it turns.
+
+    The figures of `OneWay` and docs/traffic.md are derived from these.
+    """
     for shape, radius in (
         (outline("carrier"), 1.17),
         (train("carrier"), 2.45),
@@ -80,42 +96,55 @@ def test_what_turns_sweep_is_what_the_plan_says():
 
 
 def test_a_carriers_turn_stays_clear_of_the_pickers_exit_turn():
-    """The carrier turns at its stop, and the next picker leaves its row."""
+    """The carrier turns at its stop, and the next picker, at the narrowest rows, leaves its row.
+
+    28 cm are between what they sweep.
+    """
     carrier = swept(outline("carrier"), D_ROAD, -STOP, SOUTH, -QUARTER)
     picker = swept(train("picker"), WAITING, -PITCH, EAST, -QUARTER)
     assert gap(carrier, picker) == pytest.approx(0.28, abs=0.01)
 
 
+# m between a turn on the loop and the full or the empty bin, at least.
+LEAST_TO_BINS = 0.22
+
+
 @pytest.mark.parametrize(
-    ("x", "y", "start", "least"),
-    [(D_ROAD, -STOP, SOUTH, 0.22), (COUPLING, -STOP, WEST, 0.22), (COUPLING, 0.0, QUARTER, 0.22)],
+    ("x", "y", "start"),
+    [(D_ROAD, -STOP, SOUTH), (COUPLING, -STOP, WEST), (COUPLING, 0.0, QUARTER)],
+    ids=["at its stop", "beside the full bin", "before the full bin"],
 )
-def test_a_carriers_turns_on_its_loop_stay_clear_of_both_bins(x, y, start, least):
+def test_a_carriers_turns_on_its_loop_stay_clear_of_both_bins(x, y, start):
+    """The lane is at y = 0. The full bin stands in its mouth, and the empty one on the delivery
+    road.
+    """
     turn = swept(outline("carrier"), x, y, start, -QUARTER)
     bins = [outline("bin", at) for at in (FULL_BIN, D_ROAD)]
-    assert min(gap(turn, fruit) for fruit in bins) >= least
+    assert min(gap(turn, points) for points in bins) >= LEAST_TO_BINS
 
 
 def test_a_carrier_with_the_full_bin_stays_off_deliveries():
-    """The carrier may stand at its own place on the road of deliveries, and nowhere else there."""
+    """It turns on the full-bin road, and stays 10 cm off a carrier on the delivery road, which is
+    1.5 m wide.
+    """
     turn = swept(train("carrier"), F_ROAD, 0.0, EAST, -QUARTER)
     assert turn[:, 1].max() < 2.8, "no robot waits nearer than that"
     assert turn[:, 0].max() < D_ROAD - 0.75 - 0.1
 
 
-# m; a float32 of a range is exact to a micrometre.
+# m between a robot or bin and what a drive needs free: far more than a range of the laser can be
+# off, which is a float32, exact to a micrometre.
 LEAST_GAP = 0.01
-# m: nearer than this counts as the same.
+# m: coordinates that differ by less count as the same.
 SAME = 1e-6
 
 
 def may_meet(drive: Area, stand: Area) -> bool:
-    """Whether a robot may drive here while the other stands there.
+    """Whether a robot may drive in `drive` while another robot or bin is in `stand`.
 
-    A place that both need, or the order of the work, can forbid that.
-
-    A carrier is blind to the bins and the picker for which it works. Nor does it count that
-    carriers follow each other on one road.
+    They never meet if both need one place on the roads, or if the order of the work keeps them
+    apart. Left out, too, are the bins and the picker to which a carrier is blind because it works
+    for them, and a carrier that another one follows on its road: lasers keep their distance.
     """
     if drive.robot == stand.robot or drive.places & stand.places or follows(drive, stand):
         return False
@@ -139,8 +168,9 @@ def is_before(of_picker: Area, of_job: Area) -> bool:
 
 def follows(drive: Area, stand: Area) -> bool:
     """Whether the other carrier is ahead on the same road, straight on or round the next corner."""
-    has_headings = bool(stand.heading) and bool(drive.heading)
-    if not has_headings or is_of_picker(drive) or is_of_picker(stand):
+    # A bin that was left has no heading.
+    are_robots = bool(stand.heading) and bool(drive.heading)
+    if not are_robots or is_of_picker(drive) or is_of_picker(stand):
         return False
     end_x, end_y = drive.end
     if is_along_x(stand):
@@ -158,18 +188,21 @@ def too_near(layout: Layout) -> list[tuple[Area, Area]]:
     walks = list(walks_of(layout))
     drives = [area for walk in walks for area in walk.drives]
     stands = [area for walk in walks for area in walk.stands]
+    # (drives, 1, 4) and (1, stands, 4): x, y and half the size in x and y, m.
     driven = np.array([area[:4] for area in drives])[:, None]
     standing = np.array([area[:4] for area in stands])[None]
+    # (drives, stands, 2): the gap in x and in y; negative where they overlap.
     apart = np.abs(driven[..., :2] - standing[..., :2]) - driven[..., 2:] - standing[..., 2:]
     near = np.argwhere((apart < LEAST_GAP).all(axis=-1))
     return [(drives[i], stands[j]) for i, j in near if may_meet(drives[i], stands[j])]
 
 
 def is_on_its_road(turn: Area, heading: str, stand: Area) -> bool:
-    """Whether lasers keep the distance to a robot on the road of this one's turn.
+    """Whether the laser of a robot that turns keeps it off another robot on its road.
 
-    That is the road from which it comes, or to which it turns. There it sees the other robot only
-    if that is in the way of its own drive to the turn: what stands beside it is behind its laser.
+    The other robot stands on the road from which the first comes, or on the one to which it turns.
+    On the latter the first sees it only if it is in the way of the drive up to the turn: what is
+    beside the first is behind its laser. `heading`: the one to which it turns.
     """
     dx = abs(stand.x - turn.x)
     dy = abs(stand.y - turn.y)
@@ -184,9 +217,10 @@ def is_on_its_road(turn: Area, heading: str, stand: Area) -> bool:
     return stand.heading in (turn.heading, heading) and aside < SAME and is_seen
 
 
-# m: no turn sweeps further.
+# m from the centre of a robot that turns to that of a robot which it may sweep: no pair of them is
+# longer.
 REACH = 4.5
-# m: the outline of a shape is of points that are apart.
+# m: outlines are points that are 2 cm apart, so a corner may lie between two of them.
 LEAST_APART = TURN_MARGIN - 0.02
 
 
@@ -212,7 +246,7 @@ def swept_over(at: Area, shape: np.ndarray, heading: str, stands: list[Area]) ->
     if not stands:
         return []
     points = turn_of(at, shape, heading)
-    # Many stand at one place, which is measured once.
+    # Several robots and bins may stand in the same box, at different times. It is measured once.
     apart = {}
     for box in {stand[:4] for stand in stands}:
         apart[box] = distance(points, box)
@@ -226,9 +260,10 @@ def turn_of(at: Area, shape: np.ndarray, heading: str) -> np.ndarray:
 
 
 def distance(points: np.ndarray, box: tuple[float, ...]) -> float:
-    """Return how far points are from a box at least, along the axis on which it is further, m.
+    """Return the least distance of points from a box, m, as the larger of those in x and in y.
 
-    `box`: x and y of its middle, and half its size along both.
+    It is negative if a point is inside. `box`: x and y of its middle, and half its size along both,
+    m.
     """
     x, y, half_x, half_y = box
     along_x = np.abs(points[:, 0] - x) - half_x
@@ -254,14 +289,15 @@ def orchards(draw: st.DrawFn) -> Scenario:
     route = draw(st.sampled_from([ONE_WAY, TWO_WAY]))
     length = draw(st.just(70.0) | st.floats(20.0, 200.0))
     bay = draw(st.just(0.0) | st.floats(0.0, 100.0))
-    most = [
-        number for number in range(1, MOST_CARRIERS + 1) if queue_of(route, length, bay, number)
-    ]
-    assume(most)
+    fitting = []
+    for number in range(1, MOST_CARRIERS + 1):
+        if queue_of(route, length, bay, number):
+            fitting.append(number)
+    assume(fitting)
     return empty_orchard(
         rows=rows,
         pickers=draw(st.integers(2, rows)),
-        carriers=draw(st.sampled_from(most)),
+        carriers=draw(st.sampled_from(fitting)),
         row_width=draw(st.floats(5.0, 12.0)),
         row_length=length,
         bay=bay,
@@ -325,14 +361,18 @@ def test_what_stands_is_clear_of_every_turn_beside_it(scenario: Scenario) -> Non
     assert in_a_turn(lay_out(scenario)) == []
 
 
-def from_the_tractor(points: np.ndarray) -> float:
-    """Return the least distance of points to what the tractor sweeps, m.
+# y of the driveway of the tractor, m.
+DRIVEWAY = 29.0
 
-    The tractor sweeps its drive, and a turn at each end.
+
+def from_the_tractor(points: np.ndarray) -> float:
+    """Return the least distance of points, (n, 2) m, to what the tractor sweeps, m.
+
+    The tractor sweeps its drive, and a circle at each end, where it turns.
     """
     shape = outline("tractor")
     x = points[:, 0]
-    aside = np.abs(points[:, 1] - 29.0)
+    aside = np.abs(points[:, 1] - DRIVEWAY)
     radius = np.hypot(*shape.T).max()
     beyond = np.maximum(np.maximum(WEST_END - radius - x, x - EAST_END - radius), 0.0)
     drive = np.hypot(beyond, np.maximum(aside - shape[:, 1].max(), 0.0))
@@ -343,14 +383,15 @@ def from_the_tractor(points: np.ndarray) -> float:
 def nearest_to_the_tractor(layout: Layout) -> float:
     """Return how near a carrier or its bin comes to what the tractor sweeps, m, at most 9.
 
-    Places where it stands, drives and turns count.
+    Places where it stands, drives and turns count. What lies south of y = 15 m or east of x = -12 m
+    is more than 9 m off, and is left out.
     """
     nearest = 9.0
     for walk in walks_of(layout):
         for area in walk.stands + walk.drives:
             north = area.y + area.half_y
             if area.x - area.half_x < -12.0 and north > 15.0:
-                # Further east it is further off.
+                # The points of the northern edge, 5 cm apart. East of -11 m they are further off.
                 most_east = min(area.x + area.half_x, -11.0)
                 x = np.arange(area.x - area.half_x, most_east + 0.05, 0.05)
                 edge = np.stack([x, np.full(len(x), north)], axis=1)
@@ -358,7 +399,7 @@ def nearest_to_the_tractor(layout: Layout) -> float:
         for at, shape, heading in walk.turns:
             if at.x < -12.0 and at.y > 15.0:
                 radius = np.hypot(*shape.T).max()
-                # Else the turn sweeps nothing nearer.
+                # If the circle around the turn is no nearer, neither is the turn.
                 if from_the_tractor(np.array([[at.x, at.y]])) - radius < nearest:
                     nearest = min(nearest, from_the_tractor(turn_of(at, shape, heading)))
     return nearest
@@ -367,7 +408,10 @@ def nearest_to_the_tractor(layout: Layout) -> float:
 def near_the_tractor(
     route: str, numbers: Iterable[int], lengths: Iterable[float], bays: Iterable[float]
 ) -> list[tuple]:
-    """Return the queues from which a carrier comes nearer than 0.6 m to what the tractor sweeps."""
+    """Return the queues from which a carrier comes nearer than 0.6 m to what the tractor sweeps.
+
+    A queue: the number of carriers, the length of the rows and the shift of the bay, m.
+    """
     too_near = []
     for carriers, length, bay in product(numbers, lengths, bays):
         if queue_of(route, length, bay, carriers):
@@ -403,6 +447,7 @@ def test_the_only_carrier_works_beside_the_tractor(length: float) -> None:
 
 @pytest.mark.parametrize("stands", ["picker_01", "picker_02"])
 def test_a_picker_that_is_stopped_at_its_start_stands_in_no_way(stands: str) -> None:
+    """The other picker has two rows, and both of its bins are delivered."""
     stage = Stage(Scenario(rows=4, pickers=2, row_length=30.0, dispatch="nearest"))
     stage.local.engine.stop([stands])
     stage.run_until(lambda: stage.world.delivered == 2, 700)
@@ -410,7 +455,7 @@ def test_a_picker_that_is_stopped_at_its_start_stands_in_no_way(stands: str) -> 
 
 
 def test_a_picker_that_stays_in_the_east_stands_in_no_way() -> None:
-    """The picker never leaves its start in the east."""
+    """picker_02 never leaves its start in the east. Both bins of picker_01 are delivered."""
     stage = Stage(Scenario(rows=4, pickers=2, row_length=30.0), picker_02=Standing())
     stage.run_until(lambda: stage.world.delivered == 2, 700)
     stage.assert_no_collisions()
@@ -424,6 +469,7 @@ def test_a_picker_that_stays_in_the_east_stands_in_no_way() -> None:
 def test_soak_no_picker_that_stands_is_in_the_way_of_the_others(
     rows: int, pickers: int, carriers: int | None, width: float
 ) -> None:
+    """Each picker in turn never leaves its start, and the bins of all other rows are delivered."""
     scenario = empty_orchard(rows=rows, pickers=pickers, carriers=carriers, row_width=width)
     for picker, block in lay_out(scenario).blocks.items():
         stage = Stage(scenario, **{picker: Standing()})

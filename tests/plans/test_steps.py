@@ -14,6 +14,7 @@ from orchard.field.kinds import KINDS, kind_of
 from orchard.plans.robot import Step
 from orchard.plans.sense import stop_zone
 from orchard.plans.steps import Again, Ahead, BeginPickingAt, DriveTo, Face, MoveTo, Realign
+from orchard.sim.world import NONE
 
 
 def test_sensing_a_robot_stops_for_what_its_laser_sees():
@@ -22,14 +23,16 @@ def test_sensing_a_robot_stops_for_what_its_laser_sees():
     stage.put("carrier_01", -10.0, 18.0)
     stage.give("carrier_01", [DriveTo(x=10.0)])
     stage.run(30)
-    front = stage.pose("carrier_01")[0] + 0.9
-    # The worker reaches 0.275 m to the west of x = 0. The carrier stops 0.8 m before that, or up
-    # to two steps of 0.1 m nearer.
-    assert 0.6 < -0.275 - front <= 0.8
+    # The carrier is 1.8 m long, and the worker at x = 0 is 0.55 m long. The carrier stops 0.8 m
+    # before the worker (`STOP_DISTANCE`), or up to two steps of 0.1 m nearer.
+    front_of_carrier = stage.pose("carrier_01")[0] + 1.8 / 2
+    back_of_worker = -0.55 / 2
+    assert 0.6 < back_of_worker - front_of_carrier <= 0.8
     stage.assert_no_collisions()
 
 
 def test_a_renamed_step_keeps_its_name_in_snapshots():
+    """The class was once `PickFrom`, and snapshots of that time must still be read."""
     assert msgspec.to_builtins(BeginPickingAt(-31.3)) == {"step": "PickFrom", "x": -31.3}
 
 
@@ -38,7 +41,8 @@ def test_a_turn_by_ninety_degrees_is_exact_in_four_seconds(heading, seconds):
     stage = meadow()
     stage.put("carrier_01", 0.0, 20.0)
     # It takes a tick more to see that it is done.
-    assert stage.follow("carrier_01", [Face(heading)], 20) == pytest.approx(seconds + 0.1)
+    took = stage.follow("carrier_01", [Face(heading)], 20)
+    assert took == pytest.approx(seconds + 0.1)
     stage.assert_at("carrier_01", 0.0, 20.0, heading)
 
 
@@ -46,7 +50,8 @@ def test_turning_waits_for_what_the_bin_will_sweep():
     stage = one_guest("worker", -2.0, 21.6)
     stage.local.agents["worker_01"] = Standing()
     stage.put("carrier_01", 0.0, 20.0)
-    # To the right: the bin swings to the north, where the worker stands.
+    # The carrier would turn to the right. So its bin would swing to the north, where the worker
+    # stands.
     stage.give("carrier_01", [Face("SOUTH")])
     stage.run(10)
     stage.assert_at("carrier_01", 0.0, 20.0, "EAST")
@@ -56,6 +61,9 @@ def test_turning_waits_for_what_the_bin_will_sweep():
 
 @pytest.mark.parametrize("metres", [3.0, 2.55, 0.04])
 def test_a_movement_by_x_metres_ends_with_a_slower_remainder(metres):
+    """A tick moves the robot by 0.1 m at most. In the last one it drives only what is left, so the
+    movement ends at the metre.
+    """
     stage = meadow()
     stage.put("carrier_01", 0.0, 20.0)
     stage.give("carrier_01", [Ahead(metres)])
@@ -93,19 +101,21 @@ def test_a_movement_ends_right_after_something_in_the_way():
 
 
 @pytest.mark.parametrize("off", [0.3, -0.3, 0.02, -1e-5])
-def test_awareness_realigns_to_the_nearest_heading_exactly(off):
+def test_a_robot_realigns_to_the_nearest_heading_exactly(off):
+    """`off`: how far it has turned off north, rad."""
     stage = meadow()
     stage.put("carrier_01", 0.0, 20.0)
-    # Its bin stands elsewhere.
+    # Without its bin, which stands elsewhere, the carrier turns freely.
     carrier = stage.world.index["carrier_01"]
     bin_ = stage.world.index[stage.bin_of("carrier_01")]
-    stage.world.coupled[[carrier, bin_]] = -1
+    stage.world.coupled[[carrier, bin_]] = NONE
     stage.world.pose[bin_] = 20.0, 20.0, 0.0
     stage.world.pose[carrier, 2] = HEADINGS["NORTH"] + off
     stage.follow("carrier_01", [Realign()], 20)
     stage.assert_at("carrier_01", 0.0, 20.0, "NORTH")
 
 
+# The fastest machines that a scenario allows: m/s, and degrees/s.
 FASTEST = {
     "picking": {"driving_speed": 2.5, "turning": 60.0},
     "carrying": {"speed": 2.5, "turning": 60.0},
@@ -113,11 +123,16 @@ FASTEST = {
 
 
 @pytest.mark.parametrize(
-    ("machines", "most", "held"), [({}, 0.15, 0), (FASTEST, 0.35, 1)], ids=["usual", "fastest"]
+    ("machines", "most", "refused_steps"),
+    [({}, 0.15, 0), (FASTEST, 0.35, 1)],
+    ids=["usual", "fastest"],
 )
 @pytest.mark.parametrize("robot", ["picker_01", "carrier_01"])
-def test_following_a_bin_keeps_its_place_behind_its_robot(robot, machines, most, held):
-    """At its fastest the robot is held for a tick where it ends a turn."""
+def test_following_a_bin_keeps_its_place_behind_its_robot(robot, machines, most, refused_steps):
+    """The bin is at most `most` m off its place while its robot drives and turns.
+
+    At its fastest the robot is refused a step where it ends a turn, and stands for a tick.
+    """
     stage = meadow(**machines)
     stage.put(robot, -15.0, 20.0)
     stage.give(
@@ -131,10 +146,11 @@ def test_following_a_bin_keeps_its_place_behind_its_robot(robot, machines, most,
         stage.tick()
         furthest_off = max(furthest_off, off_its_place(stage, robot, bin_name))
     stage.run(0.2)
-    # It follows a tick late, so it is off by what the robot moves in a tick.
+    # It follows a tick late, so it is off by what the robot moves in a tick: if it were less than a
+    # third of `most`, the bound would prove little.
     assert most / 3 < furthest_off <= most
     assert off_its_place(stage, robot, bin_name) < 1e-9, "exactly on its place at rest"
-    assert stage.world.refused.sum() == held
+    assert stage.world.refused.sum() == refused_steps
 
 
 def off_its_place(stage: Stage, robot: str, bin_name: str) -> float:
@@ -145,6 +161,10 @@ def off_its_place(stage: Stage, robot: str, bin_name: str) -> float:
 
 
 def test_a_robot_stands_a_second_after_a_refused_step():
+    """Its memory says that it drove, and it stands: so the simulator refused its last step.
+
+    carrier_02 stands out of its way.
+    """
     stage = meadow()
     stage.put("carrier_01", 0.0, 20.0)
     stage.put("carrier_02", 0.0, 17.0)
@@ -158,6 +178,7 @@ def test_a_robot_stands_a_second_after_a_refused_step():
 
 
 def test_a_robot_with_a_bin_that_turns_is_asked_at_every_tick():
+    """It looks at what the bin will sweep in each tick, so it holds its velocity for none."""
     stage = Stage(empty_orchard())
     stage.give("carrier_01", [Face("NORTH")])
     stage.tick()
@@ -173,7 +194,7 @@ def turning(begins="EAST", ends="WEST"):
 
 
 class Nudge(Step, frozen=True):
-    """A step of the user's own that turns a little, and is done in the same tick."""
+    """A step of the user's own that turns by almost nothing, and is done in the same tick."""
 
     def act(self, robot):
         robot.turn(1e-9, 1e-9, [])
@@ -181,6 +202,7 @@ class Nudge(Step, frozen=True):
 
 
 def test_a_drive_after_a_turn_of_the_same_tick_looks_ahead():
+    """The drive holds its velocity while nothing is in the stop zone ahead, as if it were alone."""
     stage = Stage(empty_orchard(tractor=True))
     stage.put("tractor_01", -45.0, 29.0)
     stage.put("carrier_01", -30.0, 29.0)
@@ -192,6 +214,7 @@ def test_a_drive_after_a_turn_of_the_same_tick_looks_ahead():
 
 
 def test_a_robot_with_nothing_near_is_asked_at_its_turns_end():
+    """After the first tick it holds its rate of turning up to the last tick, which is slower."""
     stage = turning()
     asked = []
     # A half turn takes 8 s.
@@ -204,6 +227,7 @@ def test_a_robot_with_nothing_near_is_asked_at_its_turns_end():
 
 
 def test_a_turning_robot_is_asked_when_something_comes_near():
+    """A carrier drives up at 1 m/s from 5.5 m before it. While it is far, the tractor holds."""
     stage = turning("WEST", "EAST")
     stage.put("carrier_01", -40.5, 29.0)
     stage.local.agents["carrier_01"] = Driven(Twist(x=1.0))

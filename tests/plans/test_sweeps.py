@@ -1,5 +1,8 @@
-"""The traffic plan at any spacing: what two robots sweep where rows end is apart, or they share a
-place.
+"""The traffic plan at any spacing: what two robots sweep where rows end is apart, or both need one
+place, and so are never there together.
+
+The spacing is the distance from row to row, m, from centre line to centre line. A crew is how many
+rows and bins the pickers have. tests/support/sweeps.py finds the sweeps.
 """
 
 from itertools import product
@@ -29,7 +32,8 @@ EVERY_5_CM = [
     round(spacing, 2)
     for spacing in np.arange(min(NARROWEST, CLOSEST), WIDEST_ROW + TRUNK + 0.001, 0.05)
 ]
-# Each third one of the close spacings: at each of these another pair of sweeps comes apart.
+# Every 15 cm of the close spacings: from each of these to the next another pair of sweeps comes
+# apart.
 CLOSE = [spacing for spacing in EVERY_5_CM if spacing <= 5.5 and round(spacing * 20) % 3 == 1]
 SOME = [EVERY_5_CM[0], *CLOSE, 5.5, 7.0, 9.35, EVERY_5_CM[-1]]
 # m that a turn keeps off fences; a robot's laser stops it at less.
@@ -61,7 +65,7 @@ def test_sweeps_at_some_spacings_are_apart(spacing: float, route: str) -> None:
 
 
 @pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])
-@pytest.mark.parametrize("spacing", [*SOME[:-1], EVERY_5_CM[-1]])
+@pytest.mark.parametrize("spacing", SOME)
 def test_no_turn_comes_near_a_fence(spacing: float, route: str) -> None:
     """Bins fill inside a row, so a picker comes back to the row at either end."""
     for crew, rule in product(CREWS, (*RULES, FROM_THE_EAST)):
@@ -97,6 +101,7 @@ def test_each_place_is_given_back(spacing: float, route: str) -> None:
 
 @pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])
 def test_sweeps_at_unequal_rows_are_apart(route: str) -> None:
+    # x of both ends of each row, and the spacing to the next row, m.
     ends = ((0.0, 64.0), (1.3, 63.1), (2.6, 62.6), (0.9, 63.9), (3.0, 60.0), (0.0, 64.0))
     gaps = (CLOSEST, FURTHEST, CLOSEST, CLOSEST, 8.4)
     rows = []
@@ -109,12 +114,20 @@ def test_sweeps_at_unequal_rows_are_apart(route: str) -> None:
 
 
 def test_two_loops_that_share_no_place_collide(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The sweep finds what it looks for: here a carrier stops too far past its lane."""
+    """The search finds what it looks for.
+
+    Here a carrier stops 3.2 m past its lane instead of 1.9 m, and so its loop reaches the next one.
+    """
     monkeypatch.setattr("orchard.plans.route.OneWay.STOP", 3.2)
     layout = lay_out(spaced(5.5, TWO_WAY, "a row each", rule="balanced-ends"))
     assert collisions(layout)
 
 
 def test_a_hold_behind_the_entry_is_needed_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A carrier enters the full-bin road north of the point at which it would wait for the lane.
+
+    The point is 5.9 m before the lane here, not 3.85 m. So the carrier must have the lane's place
+    before it enters.
+    """
     monkeypatch.setattr("orchard.plans.two_way.TwoWay.F_HOLD", 5.9)
     assert_apart(spaced(5.5, TWO_WAY, "a row each", rule="balanced-ends"))

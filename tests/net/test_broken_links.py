@@ -1,5 +1,9 @@
 """Links that break at a certain message, without a network: no luck is needed to meet the
 moment.
+
+`Run` (tests/support/recorded_messages.py) is physics and a host in this process. `Net` carries what
+they send. A session is alive while its liveliness tokens are there, and it says `left` when it
+leaves. Physics sends `end` until all sessions have left.
 """
 
 import math
@@ -40,13 +44,16 @@ def test_a_host_cut_off_at_the_end_is_told_it_again(undisturbed):
 
 
 class Leaving(StandIn):
-    """A bus at which items arrive at certain times, on a clock of its own."""
+    """The bus of physics, at which items arrive at certain times of a clock of its own.
+
+    It is its own inbox: `take` lets virtual time pass until the next item.
+    """
 
     def __init__(self) -> None:
         super().__init__(Net(), "physics1")
         self.inbox = self
         self.now = 0.0
-        # When it was told that the run is over, s.
+        # When physics published that the run is over, s.
         self.end_seconds = []
         # What arrives: (seconds, item), in the order of time.
         self.items = []
@@ -70,28 +77,33 @@ TOKEN = KEYS.of("alive", "picker_01", "a")
 GONE = Alive(TOKEN, False)
 BACK = Alive(TOKEN, True)
 LEFT = Sample(KEYS.of("left", session="a"), pack(Departure(RUN)))
-# Again and again, while nobody replies.
+LEFT_ANOTHER_RUN = Sample(KEYS.of("left", session="a"), pack(Departure("other")))
+# Session a wants to join, although the run is over.
 ASKS = Query(KEYS.of("join", session="a"), b"")
 
 
-# What arrives at physics after its run, until when it waits, s, and when it says again that the
-# run is over; None: eight times or more.
-LEAVINGS = [
-    ([(0.01, LEFT), (0.02, GONE)], 0.02, []),
-    ([(0.01, GONE), (0.02, LEFT)], 0.02, []),
-    ([(0.01, GONE), (0.3, BACK), (0.55, LEFT), (0.56, GONE)], 0.56, [0.2, 0.4]),
-    ([*((0.1 * n, ASKS) for n in range(1, 5)), (0.45, LEFT), (0.46, GONE)], 0.46, [0.2, 0.4]),
-    ([(0.01, LEFT)], LEAVE_SECONDS, None),
-    ([(0.01, GONE)], LEAVE_SECONDS, None),
-    (
-        [(0.01, Sample(KEYS.of("left", session="a"), pack(Departure("other")))), (0.02, GONE)],
-        LEAVE_SECONDS,
-        None,
+# What arrives at physics after its run, as (s, item), until when it waits, s, and when it says
+# again that the run is over, every END_SECONDS; None: as long as it waits, eight times or more.
+LEAVINGS = {
+    "says so and goes": ([(0.01, LEFT), (0.02, GONE)], 0.02, []),
+    "goes and its word comes later": ([(0.01, GONE), (0.02, LEFT)], 0.02, []),
+    "is cut off and comes back": (
+        [(0.01, GONE), (0.3, BACK), (0.55, LEFT), (0.56, GONE)],
+        0.56,
+        [0.2, 0.4],
     ),
-]
+    "asks to join": (
+        [(0.1, ASKS), (0.2, ASKS), (0.3, ASKS), (0.4, ASKS), (0.45, LEFT), (0.46, GONE)],
+        0.46,
+        [0.2, 0.4],
+    ),
+    "keeps its token": ([(0.01, LEFT)], LEAVE_SECONDS, None),
+    "is dead": ([(0.01, GONE)], LEAVE_SECONDS, None),
+    "leaves another run": ([(0.01, LEFT_ANOTHER_RUN), (0.02, GONE)], LEAVE_SECONDS, None),
+}
 
 
-@pytest.mark.parametrize(("items", "until", "end_seconds"), LEAVINGS)
+@pytest.mark.parametrize(("items", "until", "end_seconds"), LEAVINGS.values(), ids=LEAVINGS)
 def test_physics_waits_for_sessions_and_tells_the_end_again(items, until, end_seconds):
     bus = waited(items, LEAVE_SECONDS)
     assert bus.now == pytest.approx(until)
@@ -101,16 +113,28 @@ def test_physics_waits_for_sessions_and_tells_the_end_again(items, until, end_se
         assert bus.end_seconds == end_seconds
 
 
+# s for which physics waits before a reset at most.
+RESET_SECONDS = 15.0
+
+
 @pytest.mark.parametrize(
     ("items", "until"),
-    [([(0.01, GONE)], LEAVE_SECONDS), ([(0.01, LEFT)], 15.0), ([(0.01, LEFT), (7.0, GONE)], 7.0)],
+    [
+        ([(0.01, GONE)], LEAVE_SECONDS),
+        ([(0.01, LEFT)], RESET_SECONDS),
+        ([(0.01, LEFT), (7.0, GONE)], 7.0),
+    ],
+    ids=["a dead session", "a token that stays", "a token that goes late"],
 )
 def test_a_reset_is_patient_with_tokens_not_with_dead_sessions(items, until):
-    """Before a reset physics waits for a token that is gone, because it may come back.
+    """Before a reset physics waits until the token of a session that has left is gone: the router
+    may be slow to tell.
 
-    It waits for a dead session no longer than at an end.
+    It waits for a dead session, which never says that it leaves, no longer than at an end. It looks
+    every END_SECONDS.
     """
-    assert waited(items, seconds=15.0).now == pytest.approx(until, abs=1.1 * END_SECONDS)
+    bus = waited(items, RESET_SECONDS)
+    assert bus.now == pytest.approx(until, abs=1.1 * END_SECONDS)
 
 
 def waited(items, seconds: float) -> Leaving:
@@ -155,20 +179,24 @@ def test_a_host_says_that_it_leaves_when_a_user_stops_it():
 def test_a_host_that_joins_again_sends_no_answer_of_before(monkeypatch, joins_again):
     """A tick that comes again gets the same answer, but not after a join.
 
-    Physics may then have come to the tick in another way.
+    Physics may then have come to the tick in another way, for example from a snapshot.
     """
     run = Run(SMALL, RUN, 5, Net(), cast)
     run.to_the_end()
     host = run.host
     sent = run.net.sent
     ticks = [payload for key, payload in sent if key == KEYS.of("seen", session=HOST)]
+    # As if the host had answered long ago: a repetition that comes too soon gets no answer.
     host._answer.at = -math.inf
     if joins_again:
         layout = run.physics._engine.layout
         monkeypatch.setattr("orchard.net.host.fetch_layout", lambda *_: (None, layout))
         monkeypatch.setattr(host, "_joined", lambda: Joined(RUN, host._answer.tick, {}, {}))
         host.join()
-    answers = [KEYS.of("velocities", session=HOST)] * (not joins_again)
+    if joins_again:
+        answers = []
+    else:
+        answers = [KEYS.of("velocities", session=HOST)]
     before = len(sent)
     host.handle(Sample(KEYS.of("seen", session=HOST), ticks[-1]))
     assert [key for key, _ in sent[before:]] == answers
@@ -184,7 +212,10 @@ def test_a_session_that_joins_again_has_not_left():
 
 
 def test_a_session_that_may_not_own_all_its_agents_owns_none():
-    """It would own agents of which its join has not told it, and physics would wait for them."""
+    """Physics refuses the whole join: else it would wait for agents that the session does not run.
+
+    `join` returns the names that are refused, with the reasons.
+    """
     drivers = RunLoop(Leaving(), KEYS, Engine.begin(SMALL), RunOptions(run=RUN)).run.drivers
     names = ["picker_01", "picker_02"]
     for name in names:
@@ -219,7 +250,10 @@ class Silent(Leaving):
 
 
 def test_each_silent_session_gets_its_tick_again():
-    """If only one did, a dead host would keep the tick from another one that has missed it."""
+    """If only one session got it, a dead host would keep the tick from a host that has missed it.
+
+    Patience is over after 3.5 repetitions, and then no session owns an agent.
+    """
     bus = Silent()
     options = RunOptions(run=RUN, patience=3.5 * AGAIN_SECONDS)
     loop = RunLoop(bus, KEYS, Engine.begin(SMALL), options)

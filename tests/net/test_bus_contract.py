@@ -1,6 +1,9 @@
 """What the processes expect of a bus: samples, tokens and queries.
 
-Each script runs over Zenoh and over the simulated network (`tests/support/both_buses.py`).
+Each script runs over Zenoh and over the simulated network (`tests/support/both_buses.py`). A sample
+is a message on a key. A token says that its session is alive. A query is a question that any number
+of queryables answer: each sends replies (`Replied`) and drops it; when all have, it is `Final`.
+`received` waits for items, and `SHORT` is a time within which all else has arrived.
 """
 
 import pytest
@@ -183,6 +186,7 @@ def test_a_session_answers_its_own_query(net):
 
 @on_both
 def test_a_query_that_is_not_dropped_ends_with_its_time(net):
+    """`ask_one` waits for SHORT before it asks, and the query is given 1 s."""
     begun = net.router.clock()
     asker, _, query = ask_one(net, seconds=1.0)
     query.reply(b"!")

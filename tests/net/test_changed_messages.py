@@ -1,4 +1,9 @@
-"""Messages that the network changes on their way: who notices, and asks or sends again."""
+"""Messages that the network changes on their way: which process notices, and asks or sends again.
+
+The network is simulated (chaos/simulated/). A test replaces a method of its router, and so changes
+what passes. TOY agents run the small orchard for TICKS ticks; `undisturbed` is the hash without any
+change.
+"""
 
 import math
 
@@ -14,9 +19,9 @@ from orchard.server.drivers import MALFORMED_IN_TURN
 
 
 def changing_joins(monkeypatch, change, times: float = 1) -> list[bytes]:
-    """Let the network change the first joins, `times` of them.
+    """Let `change` make other bytes of the first joins, `times` of them, on their way.
 
-    Return a list that gets all joins, as they were sent.
+    Return a list to which all joins are added, as they were sent.
     """
     ask = Router.ask
     joins = []
@@ -45,6 +50,7 @@ CHANGES = {
 def test_a_host_joins_although_a_byte_of_its_join_was_changed(
     change, fleet, undisturbed, monkeypatch
 ):
+    """Physics refuses the changed join, and the host sends it a second time."""
     fleet.physics(SMALL, "--duration", str(TICKS / 10))
 
     def with_another_last_digit(word: bytes) -> bytes:
@@ -72,9 +78,10 @@ def test_a_host_joins_although_a_byte_of_its_join_was_changed(
 
 
 def changing_scenarios(monkeypatch, change, numbers: range) -> list[str]:
-    """Let the network change answers to questions for the scenario. The first one is number 0.
+    """Let `change` alter the answers with these numbers to questions for the scenario.
 
-    Return a list that gets the key of each question.
+    The first answer has number 0. `change` alters the message in place. Return a list to which the
+    key of each question is added.
     """
     reply = Router.reply
     asked = []
@@ -109,6 +116,7 @@ def with_an_unknown_agent(message: dict) -> None:
 def test_a_host_asks_again_for_a_scenario_that_was_changed(
     change, number, fleet, undisturbed, monkeypatch
 ):
+    """A host asks for the scenario when it starts and when it joins: here three times in all."""
     fleet.physics(SMALL, "--duration", str(TICKS / 10))
     asked = changing_scenarios(monkeypatch, change, range(number, number + 1))
     fleet.host(agents=TOY)
@@ -147,6 +155,7 @@ def changing_actions(monkeypatch, times: float) -> None:
 
 @pytest.mark.parametrize("times", [1, MALFORMED_IN_TURN - 1])
 def test_an_action_that_was_changed_is_sent_again(fleet, undisturbed, monkeypatch, times):
+    """Physics asks for it again, until MALFORMED_IN_TURN in turn were malformed."""
     fleet.physics(SMALL, "--duration", str(TICKS / 10))
     changing_actions(monkeypatch, times)
     fleet.host(agents=TOY)
@@ -161,7 +170,8 @@ SOON = 10.0
 def test_a_host_that_took_a_false_tick_joins_again(fleet, undisturbed, monkeypatch):
     """The network changes one tick to 5000, so the host takes all that follow for past ones.
 
-    If the host did not join again, it would refuse them until physics gave it up.
+    No agent is asked at the false tick. If the host did not join again, it would refuse the later
+    ones until physics gave it up.
     """
     publish = Router.publish
     changed = []
@@ -181,7 +191,10 @@ def test_a_host_that_took_a_false_tick_joins_again(fleet, undisturbed, monkeypat
 
 
 def test_a_robot_stands_whose_actions_are_always_malformed(fleet, monkeypatch):
-    """A client that always sends malformed actions keeps no other session waiting."""
+    """A client that always sends malformed actions keeps no other session waiting.
+
+    The run lasts 2 s; its exit code is 1, because an agent broke.
+    """
     fleet.physics(SMALL, "--duration", "2")
     changing_actions(monkeypatch, math.inf)
     fleet.host(agents=TOY)
@@ -202,9 +215,10 @@ def test_a_host_whose_joins_are_all_refused_ends_with_the_reason(fleet, monkeypa
 
 
 def test_a_host_that_waits_asks_again_after_a_changed_join(fleet, monkeypatch):
-    """A host asks TAKEN_TRIES times for a name that is taken, and the last answer ends it.
+    """A second host asks TAKEN_TRIES times for a name that is taken, and the last answer ends it.
 
-    The tenth of these joins is changed on its way, and does not count.
+    The tenth join is changed on its way, and does not count. It and the join of the first host make
+    two more.
     """
     fleet.physics(SMALL, "--duration", "100")
     fleet.host("--only", "picker_01", agents=TOY)
@@ -236,6 +250,7 @@ def test_a_run_ends_beside_another_one_whose_answer_was_changed(fleet, monkeypat
         if key.endswith("/scenario"):
             asked.append(key)
             if len(asked) == 1:
+                # A byte that begins no message of msgpack.
                 payload = b"\xc1"
         reply(router, number, key, payload, error)
 

@@ -1,5 +1,8 @@
 """Clients that are written from keyspace.md alone: a carrier works a whole harvest, and a holder is
 asked as seldom as an agent of ours.
+
+They are examples/foreign_*.py, which import nothing of this program. The tests compare what they
+compute with what this program computes. A holder says until when its velocity stands (`Hold`).
 """
 
 import re
@@ -34,15 +37,18 @@ pytestmark = pytest.mark.processes
 
 
 def harvest(fleet, scenario, name="carrier_01", seconds=PATIENCE) -> dict:
-    """Let a foreign client harvest. Return the end, and how many bins it took."""
+    """Let a foreign client drive a carrier through a harvest.
+
+    Return the message `end`, and as `taken` how many bins the client says that it took.
+    """
     fleet.physics(scenario, "--duration", "20000")
     ends = fleet.client().hear("orchard/end")
     fleet.host("--without", name)
+    # -I: Python finds no module of this project.
     done = python("-I", foreign_carrier.__file__, fleet.endpoint, name, seconds=seconds)
     fleet.end()
-    return ends.get(timeout=PATIENCE) | {
-        "taken": int(re.fullmatch(r"(\d+) bins taken\n", done.stdout)[1])
-    }
+    taken = int(re.fullmatch(r"(\d+) bins taken\n", done.stdout)[1])
+    return ends.get(timeout=PATIENCE) | {"taken": taken}
 
 
 def assert_all_delivered(end, rows) -> None:
@@ -64,6 +70,7 @@ def test_a_carrier_written_from_keyspace_alone_harvests(fleet):
     assert end["taken"] == SMALL.rows
 
 
+# Other orchards, and the carrier that the foreign client drives in each.
 OTHERS = {
     "people and animals": (Scenario(rows=4, pickers=3, carriers=2), "carrier_01"),
     "wide rows, noise": (
@@ -112,6 +119,7 @@ def test_it_reads_nothing_of_this_program():
 
 
 def test_it_ignores_a_field_that_it_does_not_know():
+    """A call of a bin with a field `more` of a later version is answered all the same."""
     carrier = foreign_carrier.Carrier({"scenario": SMALL.model_dump(), "agents": []}, "carrier_01")
     carrier.tick = 7
     carrier.x = 35.4
@@ -123,6 +131,10 @@ def test_it_ignores_a_field_that_it_does_not_know():
 
 
 def test_its_digest_of_mail_is_ours():
+    """The digest of the mail that an agent heard goes into the run's hash.
+
+    The letters have names, numbers and texts of all lengths that msgpack writes in different ways.
+    """
     heard = [
         Heard("bin_02", 7, 1, Come(3, "west", "picker_01")),
         Heard("bin_01", 7, 70_000, Come(300, "east", "p" * 40)),
@@ -201,6 +213,11 @@ AHEAD = Zone(*foreign_holder.ZONE)
 
 
 class Walker:
+    """Does what examples/foreign_holder.py does, as an agent of this process.
+
+    It walks while the zone ahead is free, and else turns. It counts how often it is asked.
+    """
+
     Memory = dict
     holds = True
 
@@ -220,6 +237,10 @@ class Walker:
 
 
 def test_a_foreign_client_holds_its_velocity(fleet):
+    """The client is asked as often as the walker of this process, and the hash is the same.
+
+    It prints how often it was asked, and the ticks of the run.
+    """
     walker = Walker()
     local = played(Local(SCENARIO, {"worker_01": walker}), TICKS)
     assert TICKS / foreign_holder.HELD < walker.asked < TICKS / 5, "its zone ended some holds"

@@ -18,7 +18,10 @@ def ends_in_threads(work, threads=1):
 
 
 def test_a_short_wait_ends_although_it_was_rung_before():
-    """A wait of some microseconds may be over before the thread gets the processor."""
+    """Each item that is put rings for the reader. A wait for the next item ends after its time.
+
+    Waits of 0 to 29 microseconds may be over before the thread gets the processor.
+    """
     inbox = Inbox()
 
     def take() -> None:

@@ -20,6 +20,8 @@ from orchard.contract.guard import Guard
 from orchard.launch.supervisor import ProcessSpec, Supervisor
 from orchard.net import process
 
+# A process that holds on to the one that started it, writes its number into the file `pid`, and
+# waits for ever. Once the other one is gone it has 0.2 s to end, and then is ended by force.
 CHILD = """\
 import os, signal, sys
 from pathlib import Path
@@ -32,6 +34,8 @@ Path("pid.new").rename("pid")
 while True:
     signal.pause()
 """
+# A process that starts the child as run.py starts its processes, and then ends at once, without
+# ending the child.
 PARENT = """\
 import os, sys, time
 from pathlib import Path
@@ -52,6 +56,7 @@ def test_a_process_ends_when_its_parent_is_gone(tmp_path):
     child = int((tmp_path / "pid").read_text())
     if psutil.pid_exists(child):
         process = psutil.Process(child)
+        # The wait raises an error if the child does not end.
         try:
             process.wait(PATIENCE)
         finally:
@@ -60,7 +65,7 @@ def test_a_process_ends_when_its_parent_is_gone(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("body", "exit_code", "code"),
+    ("body", "exit_code", "said_code"),
     [
         ("return 0", 0, 0),
         ("return 2", 2, 2),
@@ -69,7 +74,13 @@ def test_a_process_ends_when_its_parent_is_gone(tmp_path):
         ("os._exit(2)", 2, None),
     ],
 )
-def test_only_a_process_that_ends_by_itself_says_so(body, exit_code, code, tmp_path, monkeypatch):
+def test_only_a_process_that_ends_by_itself_says_so(
+    body, exit_code, said_code, tmp_path, monkeypatch
+):
+    """`run_process` says the exit code on the line to run.py: 0 is a good end, 2 a user's mistake.
+
+    A process that is torn away says nothing (None), whatever its exit code is.
+    """
     program = f"""\
 import os, sys
 from orchard.net.options import RouterOptions
@@ -85,9 +96,9 @@ sys.exit(run_process("child", RouterOptions, None, body))
         supervisor.start(ProcessSpec("child", "child", [], again=True))
         supervisor.wait(PATIENCE)
         assert supervisor.exit_code("child") == exit_code
-        assert supervisor.running["child"].line.code == code
-        assert supervisor.is_over("child") == (code == 0)
-        assert supervisor.has_refused() == (code == 2)
+        assert supervisor.running["child"].line.code == said_code
+        assert supervisor.is_over("child") == (said_code == 0)
+        assert supervisor.has_refused() == (said_code == 2)
 
 
 @pytest.fixture
@@ -106,8 +117,12 @@ def complaint():
     logging.getLogger("orchard").removeHandler(handler)
 
 
-def test_who_thinks_for_too_long_is_named_with_the_place(complaint):
+def test_an_agent_that_thinks_too_long_is_named_with_the_place(complaint):
+    """A thread that watches the host names the agent, and the line at which it is."""
+
     class Brooding:
+        """Ends its tick only when the complaint has come."""
+
         def tick(self, observation, mail, memory):
             assert complaint.there.wait(PATIENCE)
             return Action(memory=memory)

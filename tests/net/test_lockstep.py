@@ -1,5 +1,7 @@
-"""Lockstep with a real router and real processes: the trajectory is that of local mode, whatever
-the network does.
+"""Lockstep over a network: the trajectory is that of local mode, whatever the network does.
+
+The network and its processes are simulated, unless a test is marked `processes`. `undisturbed` is
+the hash of local mode (tests/conftest.py). A client is a session that a test drives itself.
 """
 
 import itertools
@@ -51,6 +53,7 @@ def test_a_subscriber_to_everything_changes_nothing(fleet, undisturbed):
         missing.discard(key)
         return not missing
 
+    # It ends with an error if one of the keys is never heard.
     wait_for(received, was_last_missing)
 
 
@@ -76,6 +79,8 @@ def test_a_robot_stands_until_a_client_drives_it(fleet):
     def stands_later(pose: dict) -> bool:
         return pose["tick"] > last_driven_tick + 10 and pose["twist"]["linear"]["x"] == 0.0
 
+    # It drove 1 m, to -34.5 m. At 0.5 m/s half a second more is 0.25 m; poses that were under way
+    # when the client stopped make it somewhat more.
     standing = wait_for(poses, stands_later)
     assert x_of(standing) < -33.0
     assert client.quit()["state"] == "quitting"
@@ -97,8 +102,9 @@ REFUSED_KEYS = {
 def test_only_the_owner_drives_a_robot(fleet):
     """A session "me" drives robots that it does not own, and sends velocities that are wrong.
 
-    Figures count each refusal. Each key and reason is told on `refusals` once a second, so the
-    second velocity of the same kind is counted and not told.
+    Figures count each refusal. `refusals` has each key and reason once a second, so the second
+    velocity of the same kind is counted there and not published. A session is only known of a
+    velocity that names its owner and an agent that no session owns.
     """
     fleet.physics(SMALL, "--absent", "picker_02", "--speed", "20")
     client = fleet.client()
@@ -196,6 +202,7 @@ def memory_in(velocities):
 
 
 def test_a_new_host_takes_over_the_robot_of_a_killed_one(fleet):
+    """The new host gets the agent's memory from physics: how many letters the agent has heard."""
     fleet.physics(SMALL, "--patience", "0.5", "--speed", "10")
     client = fleet.client()
     lost = client.hear("orchard/lost")
@@ -226,6 +233,7 @@ def test_hosts_leave_when_physics_is_gone(fleet):
 
 
 def test_physics_names_who_is_missing_and_all_stop_when_asked(fleet):
+    """Within its first ten lines, physics says which agent it waits for."""
     fleet.physics(SMALL)
     host = fleet.host("--without", "picker_02", agents=TOY)
     waiting = "physics: waiting for 1 agents: picker_02\n"

@@ -1,5 +1,8 @@
-"""Several machines and real links: the hash is that of local mode; the commands of a document for
-them; simulated ones: tests/chaos.
+"""Several machines and real links: the hash is that of local mode.
+
+Also the commands of docs/how-to.md for two machines. A machine is a network namespace of this one
+(tests/support/machines.py): the first has a cable to each of the others, its guests. Simulated
+machines: tests/chaos.
 """
 
 import queue
@@ -22,7 +25,7 @@ from orchard.net.zenoh_bus import router
 pytestmark = pytest.mark.processes
 
 PORT = 7447
-# The router, as each guest finds it.
+# The addresses of the router on the first machine, as each of three guests finds it.
 MIDDLE = [f"tcp/192.168.{n}.10:{PORT}" for n in (1, 2, 3)]
 # Slow enough that a fault meets the run where it shall.
 PACE = (
@@ -64,8 +67,8 @@ def test_links_that_are_down_for_five_seconds_change_nothing(fleet, undisturbed)
         clock = fleet.hear("orchard/clock", f"tcp/127.0.0.1:{PORT}", before=within(middle))
         for tick, guest in ((20, 2), (60, 1)):
             wait_for(clock, lambda message, tick=tick: message["tick"] >= tick)
+            # At --speed 5 it would be 50 ticks a second. Not even 10 a second come.
             with unplugged(middle, guest), pytest.raises(queue.Empty):
-                # Five times as many would have come.
                 wait_for(
                     clock, lambda message, tick=tick: message["tick"] >= tick + 10 * DOWN, DOWN
                 )
@@ -86,7 +89,8 @@ def test_a_slow_link_changes_nothing(fleet, undisturbed):
 
 # A whole harvest of three rows, with three exchanges.
 BRIEF = Scenario(rows=3, row_length=20.0, carriers=2, **ALONE)
-# Ticks, until the last bin is unloaded.
+# Ticks of BRIEF in local mode, until the last bin is unloaded and the harvest is over. The test
+# asserts that it is.
 UNLOADED = 2864
 # Ticks, until both pickers have another bin.
 FIRST_EXCHANGE = 600
@@ -101,7 +105,10 @@ FIRST_EXCHANGE = 600
     ],
 )
 def test_lost_doubled_and_reordered_packets_change_nothing(fleet, ticks):
-    """Half of the agents are on each of two machines. In each run other packets suffer."""
+    """Half of the agents are on each of two machines. In each run other packets suffer.
+
+    v1 and v2 are the ends of the cables at the first machine, and eth0 that at each guest.
+    """
     local = played(Local(BRIEF), ticks)
     with machines("a", "b") as (host, *guests):
         for guest in guests:
@@ -136,6 +143,7 @@ def test_two_commands_run_the_carriers_on_another_machine(tmp_path):
 
 
 def test_who_is_missing_is_told_and_a_guest_is_all_that_it_takes(tmp_path):
+    """A run that leaves agents to others prints the command that runs them. The test types it."""
     path = tmp_path / "summary.json"
     left = ["--without", "carrier", "--without", "picker_01"]
     with starting(
@@ -152,6 +160,7 @@ def test_who_is_missing_is_told_and_a_guest_is_all_that_it_takes(tmp_path):
     assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), 50)
 
 
+# What a user types, and words of the refusal. No program listens on port 9.
 MISTAKES = [
     (
         ["--connect", "tcp/127.0.0.1:9", "--only", "carrier"],

@@ -1,5 +1,8 @@
 """Options and endpoints: a command line and the launcher's JSON line are one; which port a router
 takes, and where others reach it.
+
+run.py gives a process its options as one line of JSON on its standard input, and a person gives
+them on the command line.
 """
 
 import io
@@ -14,6 +17,7 @@ from orchard.net.options import FROM_STDIN, HostOptions, LoggerOptions, RouterOp
 from orchard.server.options import RunOptions
 
 HERE = "tcp/127.0.0.1:7447"
+# The options of a process, and the words by which a person gives them.
 ORDERS = [
     (RunOptions(), []),
     (
@@ -54,6 +58,7 @@ def test_a_command_line_and_a_json_line_give_the_same_options(options, words, mo
     )
 
 
+# The process, what is typed, and words of the refusal.
 MISTAKES = [
     (
         RunOptions,
@@ -98,6 +103,9 @@ def test_a_port_that_is_given_is_taken_as_it_is():
 
 
 def test_other_machines_reach_all_addresses_at_one(monkeypatch):
+    """A router that listens at 0.0.0.0 listens at all addresses of its machine. Others are told
+    the one from which a way to the outside begins.
+    """
     assert from_elsewhere("tcp/192.168.1.10:7447") == "tcp/192.168.1.10:7447"
     # The way to this address begins at 127.0.0.1 on any machine.
     monkeypatch.setitem(OUTSIDE, "0.0.0.0", "127.0.0.9")

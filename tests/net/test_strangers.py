@@ -1,5 +1,8 @@
 """What unknown clients may do: of their replies to a query those that make sense count, and all
 that they could fill is bounded.
+
+A stranger is a session that is no process of the run. `other` has the messages of another run, of
+which `bad_messages` makes damaged ones. A question takes the first reply that makes sense.
 """
 
 import math
@@ -22,6 +25,7 @@ from orchard.wire.messages import Answered, Joined, Recalled, Received, Simulati
 
 
 def test_replies_to_requests_are_refused_unless_they_are_answers(other):
+    """bin_01 asked at tick 7. So `received` is of tick 7, and the answer of 8, after it."""
     host = Run(SMALL, RUN, 1).host
     asked = SentRequest("bin_01", 7, 0, "picker_01", StateRequest())
     thrown = 0
@@ -70,6 +74,7 @@ class Crowd(StandIn):
     ],
 )
 def test_who_asks_takes_the_reply_that_makes_sense(other, what, type_):
+    """It comes last, after 500 bad ones, which are refused and counted."""
     example = next(p for _, p in reversed(other[what]) if not refusal_of(p, type_, "other"))
     valid = rewritten(example, run=RUN)
     refusals = Refusals()
@@ -95,7 +100,10 @@ def test_a_newcomer_hears_physics_among_others(other):
 
 
 class Refusing(Crowd):
-    """A network on which physics is away, and another client refuses the first questions."""
+    """A network on which physics is away, and another client refuses the first questions.
+
+    `questions`: how many it refuses.
+    """
 
     def __init__(self, questions: int, reply: bytes) -> None:
         super().__init__([reply])
@@ -120,6 +128,10 @@ def test_a_newcomer_asks_again_if_another_client_refuses(other):
 
 
 def test_what_is_told_is_short_and_does_nothing_to_a_terminal(caplog):
+    """Keys and reasons are shortened, and characters that control a terminal are left out.
+
+    Of 3,000 different keys each is counted, and 1,000 are remembered.
+    """
     refusals = Refusals()
     for number in range(3000):
         refusals.note(
@@ -136,6 +148,12 @@ def test_what_is_told_is_short_and_does_nothing_to_a_terminal(caplog):
 
 
 def test_reasons_and_sessions_that_are_made_up_are_bounded():
+    """3,000 made-up sessions tell their refusals, half of them for made-up reasons, and 3,000
+    tokens come with keys that are too long.
+
+    Malformed are the 1,500 messages with made-up reasons and the 3,000 tokens. Of the others the
+    first 1,000 sessions are kept, and 500 are too many.
+    """
     physics = Run(SMALL, "run1", 1).physics
     for number in range(3000):
         count = {"malformed": 1} if number % 2 else {f"reason {number}": 1}
@@ -154,6 +172,7 @@ def test_reasons_and_sessions_that_are_made_up_are_bounded():
 
 
 def test_tokens_are_bounded():
+    """10,000 liveliness tokens are kept (`MOST_TOKENS`), and the others are refused."""
     physics = Run(SMALL, "run1", 1).physics
     for number in range(11_000):
         physics.bus.inbox.put(Alive(f"orchard/alive/picker_01/s{number}", True))
@@ -163,6 +182,7 @@ def test_tokens_are_bounded():
 
 
 def test_connections_that_say_nothing_keep_no_client_out():
+    """By Zenoh's default a router handles 100 connections that have not said what they are."""
     with ExitStack() as stack:
         alone = stack.enter_context(router())
         host, _, port = alone.endpoint.removeprefix("tcp/").rpartition(":")

@@ -11,6 +11,7 @@ from orchard.net.bin_states import StateBoard
 from orchard.net.ending import Ending
 from orchard.wire.messages import BinStatus, End, read
 
+# What a bin sees of the robot on its bar: picker_01, which stands and faces east.
 HITCH = Hitch("picker_01", 0.0, 0.0, (0.0, 1.0), STILL, None)
 
 
@@ -33,7 +34,10 @@ def test_a_bin_tells_when_it_couples_and_when_it_is_full():
 
 
 def test_physics_is_there_while_one_of_two_tokens_is():
-    """The router may take a dead physics for alive while the new one has a token, too."""
+    """The router may take a dead physics for alive while the new one has a token, too.
+
+    The message `end` counts only when no token is left.
+    """
     ending = Ending(lambda: 0.0)
     ending.track("dead", True)
     ending.track("new", True)

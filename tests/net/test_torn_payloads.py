@@ -1,4 +1,8 @@
-"""Payloads that a link tears or changes, over Zenoh and over the simulated network."""
+"""Payloads that a link tears or changes, over Zenoh and over the simulated network.
+
+`net.damage(sent, arrived)` lets the link deliver other bytes for some, and `net.heal` ends that.
+The tests show that the simulated network treats such payloads as Zenoh does.
+"""
 
 from random import Random
 
@@ -19,7 +23,8 @@ KINDS_OF_TEARS = (Tears(torn=1.0), Tears(changed=1.0))
 def damaged(key: str, payload: bytes, tears: Tears, is_reply: bool = False) -> bytes:
     """Return a payload as a link tears it. No receiver can take it for a message.
 
-    The tearer needs an earlier message, and by chance may change nothing: so it is tried again.
+    What tears it ends it with bytes of an earlier message, and may by chance change nothing: so it
+    is tried again.
     """
     tearer = Tearer(tears, Random(1), lambda: None)
     earlier = pack(Lost("another run", 7, ["bin_01"], "a"))

@@ -1,5 +1,9 @@
 """What drives a robot: sessions that come and go, each agent's part by itself, another client in
 its agent's place, or nothing.
+
+Advice is a client's velocity for a robot whose agent goes on; it counts in place of the agent's. A
+hold is a velocity that stands until a tick without the agent's being asked. `Run` is physics and a
+host in this process (tests/support/recorded_messages.py).
 """
 
 from collections import Counter
@@ -18,6 +22,7 @@ from orchard.net import host as hosts
 from orchard.net.bus import Sample
 from orchard.net.refusals import Refused
 from orchard.server.commands import WATCHDOG_TICKS, Advised, UnownedCommands
+from orchard.sim.world import NONE
 from orchard.wire.messages import Advice, Angular, Linear, Odometry, Velocities, Velocity, read
 
 NAME = "picker_01"
@@ -40,9 +45,12 @@ def test_advice_counts_for_half_a_second():
 
 
 @pytest.mark.parametrize(
-    ("tick", "reason"), [(7 - WATCHDOG_TICKS, "past tick"), (5, "past tick"), (8, "future tick")]
+    ("tick", "reason"),
+    [(7 - WATCHDOG_TICKS, "past tick"), (5, "past tick"), (8, "future tick")],
+    ids=["old", "overtaken", "future"],
 )
 def test_old_overtaken_or_future_advice_is_refused(tick, reason):
+    """At tick 7 the newest advice is that of tick 6."""
     advised = Advised()
     advised.take(NAME, advice(6), 6)
     with pytest.raises(Refused, match=reason):
@@ -72,6 +80,9 @@ def test_advice_replaces_only_velocity_and_hold(x, turn):
 
 
 def test_deeds_of_an_unasked_agent_are_not_done_again():
+    """The agent is not asked at tick 3, so advice goes with its last action: without its deeds,
+    which were done when it was asked.
+    """
     advised = Advised()
     advised.take(NAME, advice(3), 3)
     (got,) = advised.actions(
@@ -109,6 +120,7 @@ def test_advice_wakes_the_agent_of_a_robot_that_holds(run):
     """Advice moves a robot whose agent holds, so the agent is asked again."""
     engine = run.physics.run.engine
     one_tick(run)
+    # A tick in which the agent says that it drives at 1 m/s until tick 90.
     engine.observe()
     engine.due(())
     engine.advance({NAME: Action(Twist(1.0), hold=Hold(90))}, {})
@@ -126,6 +138,7 @@ def test_a_robot_that_is_stopped_stands_whatever_is_advised(run):
     assert speed(run) == 0.0
 
 
+# The key of a message, the message, and why it is refused.
 NO_ADVICE = [
     (KEYS.of("advice", "nobody_01"), advice(0), "no such robot"),
     (KEYS.of("advice", "traffic"), advice(0), "no such robot"),
@@ -141,20 +154,21 @@ def test_advice_that_cannot_be_is_refused(run, key, message, reason):
     assert speed(run) == 0.0
 
 
-# Ticks, of 300.
+# Of every 300 ticks, those for which advice drives; in the others it lets go.
 LETS_GO = 250
 
 
 class Outside:
-    """Drives a picker from outside.
+    """A client that drives a picker by advice.
 
-    It speeds up slowly to half of what the agent wants, and lets go every now and then.
+    It hears what the agent wants, speeds up slowly to half of that, and lets go every now and then.
     """
 
     def __init__(self, run: Run) -> None:
         self._net = run.net
         self._speed = 0.0
         self.speeds = []
+        # Physics publishes velocities and poses only while a session subscribes to them.
         heard = ("orchard/*/*", KEYS.of("velocity", NAME), KEYS.of("pose", NAME))
         run.physics.bus.is_heard = lambda keys: keys in heard
         run.net.on_put = self.hear
@@ -190,11 +204,12 @@ def test_a_harvest_with_outside_velocities_finishes():
     assert max(outside.speeds) == 1.0, "where it lets go, the agent drives"
 
 
-def test_a_deed_comes_with_the_velocity_of_an_unheld_robot(run):
+def test_a_deed_comes_with_the_velocity_of_an_unowned_robot(run):
+    """No session owns the picker. Its bin is uncoupled at one tick, and coupled at the next."""
     world = run.physics.run.engine.world
     one_tick(run)
     one_tick(run, (KEYS.of("velocity", NAME), pack(driving(1, deeds=[Uncouple()]))))
-    assert world.coupled[world.index[NAME]] == -1
+    assert world.coupled[world.index[NAME]] == NONE
     bin_ = run.engine.layout.starts[world.index[NAME]].bin
     one_tick(run, (KEYS.of("velocity", NAME), pack(driving(2, deeds=[Couple(bin_)]))))
     assert world.coupled[world.index[NAME]] == world.index[bin_]
@@ -223,7 +238,7 @@ def going(drivers, session, names):
 
 
 def test_nothing_is_kept_of_a_session_without_agents(run):
-    """Another session has taken the last of its agents."""
+    """When another session has taken the last of its agents, the bus retires its key `seen`."""
     drivers = run.physics.run.drivers
     retired = run.physics.bus.retired
     first, other = drivers.roster.names[:2]
@@ -247,6 +262,7 @@ def test_nothing_is_kept_of_a_session_that_is_not_waited_for(run):
 
 
 def test_a_silent_session_loses_also_agents_that_hold(run):
+    """Session first owns worker_01, which is asked, and traffic, which holds and is not asked."""
     drivers = run.physics.run.drivers
     silent = ["worker_01", "traffic"]
     other = ["picker_01"]
@@ -259,7 +275,7 @@ def test_a_silent_session_loses_also_agents_that_hold(run):
     engine.wake(["worker_01", *other])
     drivers.begin(engine.observe(), 0.0)
     assert drivers.answers.missing == {"worker_01", "picker_01"}
-    # It has answered.
+    # Session second has answered.
     drivers.answers.missing.discard("picker_01")
     drivers.give_up()
     assert sorted(drivers.roster.owners) == ["picker_01"]
@@ -267,7 +283,9 @@ def test_a_silent_session_loses_also_agents_that_hold(run):
 
 
 TICKS = 30
+# Ticks of a run in which each message of a robot is wrong.
 FEW = 8
+# The column of the state "broken" in the counts of ticks in each state.
 BROKEN = STATES.index("broken")
 
 
@@ -278,33 +296,35 @@ def with_a_fault(payload: bytes, fault: dict) -> bytes:
     return msgpack.packb(message)
 
 
-FAULTS = [
-    {"steps_done": True},
-    {"twist": 5},
-    {"twist": [101.0]},
-    {"unknown": 1},
-    {"deeds": [{"type": "dig"}]},
-    {"doing": b"bytes"},
-]
-FAULTS += [
-    {"doing": "x" * 201},
-    {"twist": [0.0, 1.0]},
-    {"requests": [["traffic", {"type": "where"}]] * 501},
-]
+# Fields of a robot's part that no such part may have: of another type, too large, or unknown.
+FAULTS = {
+    "a truth as a number of steps": {"steps_done": True},
+    "a number as a velocity": {"twist": 5},
+    "too fast": {"twist": [101.0]},
+    "an unknown field": {"unknown": 1},
+    "an unknown deed": {"deeds": [{"type": "dig"}]},
+    "bytes as a text": {"doing": b"bytes"},
+    "a text too long": {"doing": "x" * 201},
+    "a robot that moves sideways": {"twist": [0.0, 1.0]},
+    "too many requests": {"requests": [["traffic", {"type": "where"}]] * 501},
+}
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: str(fault)[:60])
+@pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
 def test_a_refused_part_stops_this_robot_and_delays_no_other(fault, monkeypatch, caplog):
+    """The messages of a host have a part for each robot. That of picker_01 is wrong at each tick.
+
+    Physics asks for it again, up to 5 times. That is soon, and long before its patience of 4 s is
+    over, after which the host would lose its agents (`lost`).
+    """
     run = Run(SMALL.model_copy(update={"rows_to_pickers": "balanced"}), "run1", FEW)
     run.physics.run.drivers.answers._patience = 4.0
     send = run.host.bus.publish
 
     def publish(key, payload, newest_wins=False):
-        send(
-            key,
-            with_a_fault(payload, fault) if key.endswith("/velocities") else payload,
-            newest_wins,
-        )
+        if key.endswith("/velocities"):
+            payload = with_a_fault(payload, fault)
+        send(key, payload, newest_wins)
 
     monkeypatch.setattr(run.host.bus, "publish", publish)
     end = run.to_the_end()
@@ -324,6 +344,7 @@ def test_a_refused_part_stops_this_robot_and_delays_no_other(fault, monkeypatch,
 
 
 def test_velocities_too_large_for_one_message_go_in_several(monkeypatch):
+    """A message may have 1,000 bytes here. The first one has the memories of all agents, too."""
     monkeypatch.setattr(hosts, "MAX_PAYLOAD", 1000)
     run = Run(SMALL, "run1", TICKS)
     assert run.to_the_end().hash == local_hash(SMALL, TICKS)

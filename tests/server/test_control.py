@@ -1,4 +1,9 @@
-"""A run that is paused, stepped and played; and what arrives within a tick."""
+"""A run that is paused, stepped and played; and what arrives within a tick.
+
+A client that may control a run sets its state (`set_simulation_state`), lets it do some steps while
+it is paused (`step_simulation`), or lets it begin again (`reset_simulation`). A run that has not
+begun, because agents are missing, is `stopped`.
+"""
 
 import time
 
@@ -24,6 +29,7 @@ from orchard.sim.engine import Engine
 from orchard.tables.tables import Tables
 from orchard.wire.messages import Angular, Linear, Odometry, Velocity, read
 
+# The small orchard with errors of sensors, so that another seed gives another run.
 ERRING = with_changes(
     SMALL,
     **{"sensors.gnss.white": 0.01, "sensors.gnss.bias": 0.02, "sensors.odometry.heading": 0.01},
@@ -31,6 +37,9 @@ ERRING = with_changes(
 
 
 def test_the_clock_stands_while_the_run_is_paused():
+    """A pause of 50 s between 1 s and 2 s of playing is not counted. A second pause changes
+    nothing.
+    """
     wall = Clock()
     clock = RunClock(wall)
     begun = clock()
@@ -46,7 +55,7 @@ def test_the_clock_stands_while_the_run_is_paused():
     assert not clock.is_paused
 
 
-def test_it_stands_again_after_so_many_steps():
+def test_the_clock_stands_again_after_so_many_steps():
     clock = RunClock(Clock())
     clock.pause()
     clock.play(2)
@@ -58,6 +67,9 @@ def test_it_stands_again_after_so_many_steps():
 
 
 def test_a_pause_makes_no_agent_late_and_no_tick():
+    """An agent may take 15 s to answer, and the next tick is due after 0.1 s. A pause of 100 s
+    takes nothing of either.
+    """
     wall = Clock()
     clock = RunClock(wall)
     barrier = LockstepBarrier(roster(("picker_01", "a")), clock)
@@ -72,9 +84,9 @@ def test_a_pause_makes_no_agent_late_and_no_tick():
 
 
 class Late(Inbox):
-    """A bus at which a velocity arrives while physics waits until the next tick is due.
+    """An inbox at which a velocity arrives while physics waits until the next tick is due.
 
-    Waiting takes virtual time.
+    Waiting takes virtual time. The velocity comes once, at tick `tick` or later.
     """
 
     def __init__(self, engine: Engine, tick: int, clock: Clock) -> None:
@@ -82,6 +94,7 @@ class Late(Inbox):
         self._engine = engine
         self._from = tick
         self._clock = clock
+        # The tick at which the velocity came; -1: it has not come.
         self.at = -1
 
     def take(self, seconds: float = 0.0, enough: int = 1):
@@ -98,6 +111,9 @@ class Late(Inbox):
 
 @pytest.mark.parametrize("mode", ["realtime", "lockstep"])
 def test_a_velocity_before_the_next_due_tick_counts_in_this(mode):
+    """No session owns an agent. So the step of a tick is done at once, and physics waits until the
+    next tick is due: the velocity that comes meanwhile drives from the next pose on.
+    """
     run = Run(SMALL, RUN, 20)
     bus = run.physics.bus
     engine = Engine.begin(SMALL)
@@ -121,10 +137,14 @@ def test_a_velocity_before_the_next_due_tick_counts_in_this(mode):
 
 
 def asked(someone, what: str, **fields):
-    """Ask physics for something. Return its tick and state."""
-    (reply,) = someone.ask(
-        f"orchard/{what}", msgpack.packb({"run": someone.run} | fields) if fields else b""
-    )
+    """Let a client ask physics for something. Return the tick and the state of the run after it.
+
+    A question without fields has an empty payload, as docs/protocol.md wants it.
+    """
+    payload = b""
+    if fields:
+        payload = msgpack.packb({"run": someone.run} | fields)
+    (reply,) = someone.ask(f"orchard/{what}", payload)
     return reply["tick"], reply["state"]
 
 
@@ -142,13 +162,15 @@ def test_a_run_is_paused_before_it_begins_stepped_and_played(fleet, undisturbed)
     for n in (1, 2, 10):
         tick, state = asked(someone, "step_simulation", steps=n)
         assert state == "paused"
-    assert tick == 13
-    assert asked(someone, "simulation_state") == (13, "paused")
-    assert asked(someone, "set_simulation_state", state="playing") == (13, "playing")
+    steps_done = 1 + 2 + 10
+    assert tick == steps_done
+    assert asked(someone, "simulation_state") == (steps_done, "paused")
+    assert asked(someone, "set_simulation_state", state="playing") == (steps_done, "playing")
     assert fleet.end() == undisturbed
 
 
 def test_a_run_that_plays_does_no_single_steps(fleet):
+    """It waits for its agents at tick 0, and would play at once: so it is refused to step."""
     fleet.physics(SMALL, "--duration", "3")
     someone = fleet.client()
     ends = someone.hear("orchard/end")
@@ -194,10 +216,14 @@ def test_the_end_of_a_run_ends_the_steps_of_a_query(fleet):
 
 
 def test_an_agent_silent_during_a_pause_is_not_missed(fleet):
-    """Physics bears a silence of 0.2 s, and between two clocks of a pause 0.5 s pass."""
-    others = [
-        word for name in lay_out(SMALL).agents if name != "traffic" for word in ("--absent", name)
-    ]
+    """Physics bears a silence of 0.2 s, and between two clocks of a pause 0.5 s pass.
+
+    The client owns the agent `traffic`, and never answers for it.
+    """
+    others = []
+    for name in lay_out(SMALL).agents:
+        if name != "traffic":
+            others += ["--absent", name]
     fleet.physics(SMALL, "--patience", "0.2", *others)
     someone = fleet.client()
     clock, lost = (someone.hear(f"orchard/{what}") for what in ("clock", "lost"))
@@ -219,6 +245,10 @@ def test_an_agent_silent_during_a_pause_is_not_missed(fleet):
 
 @pytest.mark.parametrize("seed", [pytest.param(None, marks=pytest.mark.soak), 7])
 def test_a_run_that_is_reset_begins_again(fleet, tmp_path, seed):
+    """It is reset after 20 steps, with its own seed (None) or another one.
+
+    Its hash and its tables are then those of a run in local mode: nothing of before is left.
+    """
     fleet.physics(ERRING, "--duration", str(TICKS / 10), "--table", str(tmp_path / "reset"))
     someone = fleet.client()
     asked(someone, "set_simulation_state", state="paused")
@@ -238,13 +268,8 @@ def test_a_run_that_is_reset_begins_again(fleet, tmp_path, seed):
     lines = [fleet.world.line() for _ in range(2)]
     assert lines[0].startswith("reset: tick 20"), lines
     assert fleet.end() == leave_tables(scenario, tmp_path / "local")
-    for name in (
-        "bodies",
-        "events",
-        "messages",
-        "calls",
-        "exchanges",
-    ):  # those of before the reset are gone
+    # The rows of before the reset are gone.
+    for name in ("bodies", "events", "messages", "calls", "exchanges"):
         local, after = (
             pq.read_table(tmp_path / folder / f"{name}.parquet") for folder in ("local", "reset")
         )

@@ -1,4 +1,7 @@
-"""When a snapshot of a run is due."""
+"""When a snapshot of a run is due.
+
+A keyframe is a snapshot that stays, so that a run can be forked from it later.
+"""
 
 import math
 from concurrent.futures import ThreadPoolExecutor
@@ -9,7 +12,9 @@ from orchard.server.snapshots import SnapshotWriter
 
 
 def test_a_keyframe_is_due_at_each_multiple_of_its_distance(tmp_path):
-    """No other snapshot is due, because the next one is infinitely late."""
+    """A keyframe is due each second, so every 10 ticks. The snapshots that a run goes on from after
+    a kill are never due here: `seconds` is infinite.
+    """
     with ThreadPoolExecutor(1) as executor:
         writer = SnapshotWriter(
             tmp_path, executor, lambda: 0.0, seconds=math.inf, keyframe_seconds=1.0

@@ -1,6 +1,7 @@
 """Realtime: the clock goes on, the newest velocity counts, and a robot without new ones stands.
 
-The rules alone, and real processes.
+First the rules alone: the barrier, which takes answers of agents, on a clock that the test sets.
+Then whole runs over the simulated network.
 """
 
 import signal
@@ -52,7 +53,7 @@ def velocity(tick):
 
 
 def driven(barrier, clock, ticks):
-    """Return the forward velocities of picker_01 in the next ticks, in which nothing new comes."""
+    """Return the forward velocities of picker_01 in the next ticks, m/s, if no new answer comes."""
     speeds = []
     for _ in range(ticks):
         action = barrier.actions().get("picker_01", Action())
@@ -63,7 +64,9 @@ def driven(barrier, clock, ticks):
 
 
 def test_a_velocity_drives_on_for_half_a_second():
-    """In that time an older velocity is refused."""
+    """That is five ticks of 0.125 s, the one that begins at 0.5 s included. After the last of them
+    it is too old to count, too.
+    """
     barrier, clock = live()
     barrier.open(0)
     barrier.take("picker_01", *driving(0))
@@ -83,10 +86,11 @@ def test_a_velocity_drives_on_for_half_a_second():
     ],
 )
 def test_an_unheld_robot_moves_for_half_a_second_in_realtime(first, later, steps):
-    """It moves for at most one step more.
+    """It moves for five steps of 0.1 s, one less or one more.
 
-    The velocity for tick 0 comes 0.05 s after the pose. `first`, `later`: s from a pose to its
-    step, which depend on when the others answer.
+    The velocity for tick 0 comes 0.05 s after the pose of tick 0. `first`, `later`: s from a pose
+    to the step of its tick, at tick 0 and at the later ones. They depend on when other agents
+    answer.
     """
     clock = Clock()
     unowned = UnownedCommands(clock)
@@ -144,6 +148,9 @@ def test_the_newest_velocity_counts_although_it_is_late():
 
 
 def test_an_exact_velocity_drives_one_step_from_its_pose():
+    """An agent that must stop at an exact place says so (`once`): its velocity drives for one step,
+    and only if the robot is still where the agent saw it.
+    """
     barrier, clock = live()
     barrier.open(0)
     barrier.take("picker_01", *driving(0, once=True))
@@ -155,6 +162,9 @@ def test_an_exact_velocity_drives_one_step_from_its_pose():
 
 
 def test_deeds_are_done_once_and_nothing_that_was_said_is_lost():
+    """The answer to tick 0 comes after its step, with a deed and a memory. The answer to tick 1
+    takes its place: the velocity is the new one, and deed and memory stay.
+    """
     barrier, clock = live()
     barrier.open(0)
     barrier.take("picker_01", *driving(0, deeds=[COUPLE], memory=b"old"))
@@ -182,7 +192,12 @@ def test_letters_are_told_once_beside_a_bare_velocity():
 
 
 def test_who_answers_in_time_has_longer_than_who_was_late():
-    """A client that answers in time has a moment longer than a tick; one that was late has less."""
+    """For a session that was in time physics waits SLACK longer than a tick; for one that missed
+    the last tick it waits half a tick.
+
+    bin_01 never answers. A tick that begins late by more than half a tick counts as late, and its
+    delay is taken off the wait.
+    """
     barrier, clock = live(("picker_01", "a"), ("bin_01", "b"))
     barrier.open(0)
     assert barrier.deadline == pytest.approx(clock.now + STEP + SLACK)
@@ -227,6 +242,7 @@ def test_answers_come_when_they_come_and_silence_ends():
     box = RealtimeMailbox(RUN)
     box.join(5)
     box.deliver(5)
+    # The request to picker_01 is answered, and that to picker_02 is not.
     one, _ = box.write(
         "bin_01", Action(requests=[("picker_01", StateRequest()), ("picker_02", StateRequest())])
     )
@@ -260,6 +276,9 @@ def test_what_is_seen_without_a_body_that_is_held_is_refused():
 
 
 def test_delays_are_told_by_the_share_that_is_below():
+    """Delays are counted by tenths of a millisecond. `below(50)` is the delay, ms, below which half
+    of them are, rounded up. Of 0 to 99 ms and one of 7 s, 99 % are below 99.1 ms.
+    """
     delays = Delays()
     assert delays.below(50) == 0.0
     for milliseconds in range(100):
@@ -283,8 +302,10 @@ def test_the_clock_goes_on_while_a_host_hangs(fleet):
     wait_for(poses, lambda pose: pose["twist"]["linear"]["x"] == 0.5)
     hung.signal(signal.SIGSTOP)
     begun = fleet.scheduler.now
+    # The newest tick: no later one waits to be read.
     first = wait_for(clock, lambda message: clock.empty())["tick"]
     last = wait_for(clock, lambda message: message["tick"] >= first + 25)["tick"]
+    # At --speed 2 there are 20 ticks a second.
     assert (last - first) / 20 == pytest.approx(fleet.scheduler.now - begun, abs=0.3)
     wait_for(poses, lambda pose: pose["tick"] >= last - 5 and pose["twist"]["linear"]["x"] == 0.0)
     hung.signal(signal.SIGCONT)
@@ -293,6 +314,7 @@ def test_the_clock_goes_on_while_a_host_hangs(fleet):
 
 
 def test_a_robot_whose_link_is_cut_stands_and_drives_again(fleet):
+    """The link is down for 5 s, which are 100 ticks at --speed 2; the robot stands within 1 s."""
     fleet.physics(SMALL, "--mode", "realtime", "--speed", "2")
     poses = fleet.client().hear("orchard/worker_01/pose")
     fleet.host("--without", "worker_01", agents=TOY)

@@ -1,6 +1,8 @@
 """What comes back after a kill or a freeze, and what is told of it.
 
-`tests/chaos/test_schedules.py`: all else that may happen.
+`fleet` runs the processes over a simulated network (tests/conftest.py). SIGSTOP freezes a process,
+and SIGCONT lets it go on. `complaints` is what a process has logged. All else that may happen:
+`tests/chaos/test_schedules.py`.
 """
 
 import os
@@ -61,9 +63,10 @@ def test_hosts_killed_while_bins_call_change_nothing(fleet, dispatch):
 
 
 def test_a_host_that_sleeps_too_long_joins_when_it_wakes(fleet, tmp_path):
-    """It sleeps for 3 s, longer than patience and lease.
+    """It sleeps for longer than physics' patience of 3 s and the lease of its link, 2 s.
 
-    Agents with mail for it learn within 2 s that it does not answer, and are in time.
+    After these 2 s its link counts as gone. So hosts whose agents have mail for the sleeping one
+    learn that it does not answer, and are themselves in time.
     """
     fleet.physics(
         SMALL, "--speed", "5", "--patience", "3", "--snapshots", str(tmp_path / "snapshots")
@@ -90,6 +93,9 @@ def test_a_host_that_sleeps_too_long_joins_when_it_wakes(fleet, tmp_path):
 
 
 def test_who_was_given_up_is_refused_until_it_joins(fleet):
+    """Session `me` owns worker_01 and does not answer for 1 s, so physics gives it up. When it has
+    joined again, its answer to tick 0 is too old.
+    """
     fleet.physics(SMALL, "--speed", "5", "--patience", "1")
     someone = fleet.client()
     lost, figures, clock = (someone.hear(f"orchard/{key}") for key in ("lost", "figures", "clock"))
@@ -120,6 +126,7 @@ def killed_with_snapshots(fleet, tmp_path) -> tuple[str, ...]:
 
 
 def test_who_is_waited_for_is_named_long_before_the_wait_is_over(fleet):
+    """Of a patience of 15 s, 12 are left when physics names the agents. The test looks after 10."""
     fleet.physics(SMALL, *PACE, "--patience", "15")
     fleet.share(2, TOY)
     wait_for_tick(fleet, 30)
@@ -132,7 +139,11 @@ def test_who_is_waited_for_is_named_long_before_the_wait_is_over(fleet):
 
 
 def test_physics_goes_on_without_its_scenario_file(fleet, undisturbed, tmp_path):
-    """It goes on from the newest whole snapshot of this run."""
+    """It goes on from the newest whole snapshot of this run.
+
+    The newest files are passed over and named: one is half a file, one is a pipe, which would never
+    end, and one is a snapshot of another run.
+    """
     keeping = killed_with_snapshots(fleet, tmp_path)
     folder = tmp_path / "snapshots"
     gone = tmp_path / "scenario.yaml"
@@ -162,9 +173,16 @@ def test_physics_with_a_torn_snapshot_begins_anew_and_says_so(fleet, undisturbed
     assert "the run begins anew" in fleet.world.complaints
 
 
-@pytest.mark.parametrize(("seconds", "is_there"), [(10.0, True), (20.0, False)])
-def test_holders_of_agents_are_waited_for_while_they_come_back(fleet, tmp_path, seconds, is_there):
-    """Physics waits as long as one session after another comes back."""
+@pytest.mark.parametrize(
+    ("seconds", "all_come_back"), [(10.0, True), (20.0, False)], ids=["in time", "too late"]
+)
+def test_owners_of_agents_are_waited_for_while_they_come_back(
+    fleet, tmp_path, seconds, all_come_back
+):
+    """Physics and its hosts are killed, and a new host comes every `seconds`.
+
+    Physics waits for 15 s from each of them on, so longer in all.
+    """
     keeping = killed_with_snapshots(fleet, tmp_path)
     for host in fleet.hosts:
         end(host)
@@ -174,13 +192,16 @@ def test_holders_of_agents_are_waited_for_while_they_come_back(fleet, tmp_path, 
         fleet.wait(lambda: False, seconds)
         fleet.host("--share", f"{number}/4")
     fleet.world.end()
-    assert ("no longer waited for" not in fleet.world.complaints) == is_there, (
-        fleet.world.complaints
-    )
+    gave_up = "no longer waited for" in fleet.world.complaints
+    assert gave_up != all_come_back, fleet.world.complaints
 
 
 def test_earlier_refusals_survive_a_kill_of_physics(tmp_path):
-    """Its figures count what was refused before it was killed."""
+    """Physics goes on from a snapshot, and counts what was refused before it was killed.
+
+    A host tells its own refusals as totals since its start. So the host that is still there tells
+    the old ones again, and they count once.
+    """
     options = RunOptions(run="run7", snapshots=str(tmp_path))
     before = RunLoop(StandIn(Net(), "physics1"), Keys(), Engine.begin(SMALL), options).run
     before.refusal_totals.note("a key", Refused("malformed"))

@@ -1,10 +1,9 @@
 """Tens of thousands of bad messages on all keys: refused, counted, without effect; memory stays as
 it is.
 
-In an unsecured run a stranger can do what keyspace.md allows to anybody: stop robots and the run,
-drive and hold what no client holds; and, if it gives itself out for physics or for an owner,
-whatever these can. Such messages are none of these tests', which throw what was meant for another
-run, what is no message, and what cannot be.
+The messages are those of another run, damaged ones, and well-formed ones that cannot be, such as a
+tick far ahead. In an unsecured run any client may also stop robots and the run, and own agents that
+no session owns: such messages are good ones, and no part of these tests.
 """
 
 import logging
@@ -34,8 +33,9 @@ from orchard.wire.messages import Angular, Linear, Velocity, read
 pytestmark = pytest.mark.processes
 
 TICKS = 60
-# Bytes, that all these messages may leave behind.
+# Bytes that all these messages may leave behind: 64 MiB.
 MOST_MEMORY = 64 << 20
+# The last parts of keys: of messages to physics, of messages to a host, and of queries.
 CONTROL = ("simulation_state", "set_simulation_state", "step_simulation", "reset_simulation")
 TO_PHYSICS = (
     "velocity",
@@ -54,7 +54,11 @@ ASKED = ("scenario", "join", "recall", "stop", "mail", "state", "layout", *CONTR
 
 
 def impossible(what: str, tick: int, host: str = HOST):
-    """Return well-formed messages of this run that cannot be: payload, and number of refusals."""
+    """Return well-formed messages of this run that cannot be, each with its number of refusals.
+
+    `what`: the last part of the key. A message with velocities of three bodies may be refused for
+    each of them. Ticks are 5,000 ahead of the present one, `tick`.
+    """
     drive = {"linear": {"x": 0.7}, "angular": {"z": 0.1}}
     one = {"run": RUN, **drive}
     many = {
@@ -118,26 +122,35 @@ def impossible(what: str, tick: int, host: str = HOST):
 
 
 class Thrower:
-    """Throws some bad messages at a run at each tick, and knows how many must be refused."""
+    """Throws some bad messages at a run at each tick, and knows how many must be refused.
+
+    `messages`: of another run, by the last part of the key. `count`: how many to throw in all.
+    """
 
     def __init__(self, run: Run, messages, count: int) -> None:
         self.run = run
+        # Session id -> how many messages it must refuse.
         self.expected = Counter()
+        # Bytes that this process uses, at each tick.
         self.memory = []
         self.asked = 0
         # A list, for both threads append to it.
         self.replies: list[Replied] = []
         self.by_key = Counter()
         self._messages = messages
+        # It throws at all ticks but the first two and the last six: the run must still have time
+        # to refuse them.
         self._each = count // ((TICKS - 8) * len(TO_PHYSICS + TO_HOST))
         run.net.on_put = self.at_clock
 
     def at_clock(self, key: str, payload: bytes) -> None:
-        if (
-            key != KEYS.of("clock")
-            or not 2 <= (tick := msgpack.unpackb(payload)["tick"]) < TICKS - 6
-        ):
+        """Throw the messages of a tick when physics publishes its clock."""
+        if key != KEYS.of("clock"):
             return
+        tick = msgpack.unpackb(payload)["tick"]
+        if not 2 <= tick < TICKS - 6:
+            return
+        # What the run sends is not needed, and would count as memory that was left behind.
         self.run.net.sent.clear()
         self.run.net.queries.clear()
         self.memory.append(psutil.Process().memory_info().rss)
@@ -157,6 +170,7 @@ class Thrower:
             self.throw_tokens(tick * 10 + number)
 
     def throw(self, bus: StandIn, what: str, key: str, payload: bytes, refusals: int) -> None:
+        """Put a bad message into the inbox of physics or of the host, as a query or a sample."""
         self.expected[bus.id] += refusals
         self.by_key[what] += 1
         if what in ASKED:
@@ -189,6 +203,8 @@ class Thrower:
         )
         self.run.host.bus.inbox.put(Sample("orchard/**", b"\x80"))
         self.run.host.bus.inbox.put(Alive("orchard/alive/**", False))
+        # Physics refuses the five tokens and both samples. The host refuses the sample; a token
+        # that concerns no physics is nothing to it.
         self.expected[bus.id] += 7
         self.expected[self.run.host.bus.id] += 1
         self.by_key["tokens and wildcards"] += 9
@@ -206,6 +222,7 @@ def test_a_rain_of_bad_messages_changes_no_bit(other, caplog):
         reply.error for reply in thrower.replies
     ), "nonsense gets an error reply"
     assert sum(thrower.by_key.values()) > 40_000
+    # In the first fifth of the ticks memory grows in any case, for what all messages need.
     assert max(thrower.memory) - thrower.memory[len(thrower.memory) // 5] < MOST_MEMORY
     drivers = run.physics.run.drivers
     assert len(run.physics.run.refusal_totals.there) <= 1000
@@ -250,15 +267,20 @@ def bundled(picture: dict) -> Sample:
     )
 
 
+# Bytes of a pose: x, y and yaw as float 64.
+POSE = 24
+
+
 def test_pictures_that_are_not_of_this_orchard_are_refused(other, logger):
+    """Each change makes an array too short, too long, of no numbers, or of what cannot be."""
     picture = next(
         p
         for _, p in reversed(other["picture"])
-        if msgpack.unpackb(p)["scans"] and len(msgpack.unpackb(p)["poses"]) > 24
+        if msgpack.unpackb(p)["scans"] and len(msgpack.unpackb(p)["poses"]) > POSE
     )
     good = msgpack.unpackb(picture) | {"run": RUN}
     changes = [
-        {"poses": good["poses"][:-24]},
+        {"poses": good["poses"][:-POSE]},
         {"poses": b"abc"},
         {"poses": np.full(len(good["poses"]) // 8, math.nan).tobytes()},
         {"scans": good["scans"][1:]},
@@ -275,7 +297,8 @@ def test_pictures_that_are_not_of_this_orchard_are_refused(other, logger):
         logger._handle(bundled(good | change))
     assert logger.refusals.counts == {"malformed": len(changes)}
     assert not len(logger.queue)
-    bodies = len(good["poses"]) // 24
+    bodies = len(good["poses"]) // POSE
+    # A picture that is whole has all arrays: of each body, or four numbers of each of three rows.
     whole = {
         "alive": [True] * bodies,
         "row_ends": [[0.0] * 4] * 3,
@@ -329,11 +352,15 @@ def test_a_query_with_wildcards_moves_nothing(fleet):
 
 
 def test_a_payload_that_ends_with_others_is_refused(other):
-    """Zenoh delivers such payloads when it closes a full link.
+    """Zenoh delivers such payloads when it closes a full link: the end is bytes of other messages.
 
-    Only a torn last value may pass, and what agents are shown and what they answer never ends so.
+    If only the last value of a message is torn, nothing may show it. So ends are torn that are at
+    least as long as the last value. What agents are shown and what they answer end with a value that
+    shows each tear, so there a single byte must be noticed.
     """
     chance = Random(1)
+    # Bytes that are torn at least, of the messages in which it is not nine: a float has nine. The
+    # last value of a scan are the 60 ranges of a bin, of 4 bytes each.
     least = {"seen": 1, "velocities": 1, "velocity": 1, "scan": 241}
     payloads = [payload for sent in other.values() for _, payload in sent]
     for what in sorted(other.keys() - {"scenario", "layout"}):

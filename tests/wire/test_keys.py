@@ -1,4 +1,8 @@
-"""keyspace.md, docs/messages.md, the contract for programs and the code say the same."""
+"""keyspace.md, docs/messages.md, the contract for programs and the code say the same.
+
+The contract is docs/asyncapi.json, from which programs can read all messages. docs/keyspace.py
+generates all three from the code; EXAMPLES has one message of each type.
+"""
 
 import ast
 import base64
@@ -24,7 +28,10 @@ REFERENCE = messages()
 
 
 def test_keyspace_fits_into_sixteen_kilobytes():
-    """tests/contract/test_own_agent.py runs the client of keyspace.md."""
+    """So an engineer reads it in ten minutes; and its client is short, at most 50 statements.
+
+    tests/contract/test_own_agent.py runs the client.
+    """
     client = CLIENT.read_text()
     statements = [node for node in ast.walk(ast.parse(client)) if isinstance(node, ast.stmt)]
     assert len(keyspace().encode()) <= 16_384
@@ -72,7 +79,7 @@ def test_each_message_of_a_recorded_run_is_valid_by_the_contract(other, key_name
 
 
 def maps_in(type_):
-    """Return all structs that a message has at any depth."""
+    """Return all structs that a message has at any depth, as msgspec describes them."""
     maps = {}
     waiting = [type_]
     while waiting:
@@ -100,7 +107,9 @@ def test_every_map_in_a_message_refuses_unknown_fields(type_):
 
 
 def section_of(name):
-    """Return what docs/messages.md says of a map, and of the maps whose fields it has, too."""
+    """Return what docs/messages.md says of a map. A map may have all the fields of another one:
+    what is said of that one follows.
+    """
     (text,) = re.findall(rf"^### {name}\n(.*?)(?=^##|\Z)", REFERENCE, re.M | re.S)
     for base in re.findall(r"^the fields of (\w+)$", text, re.M):
         text += section_of(base)
@@ -113,6 +122,7 @@ def test_each_map_in_a_message_is_described_once(type_):
         if part.cls in MEMBERS:
             continue
         text = section_of(part.cls.__name__)
+        # They are in every message, and are described once.
         left_out = ("run", "tick") if part.cls in EXAMPLES else ()
         for field in part.fields:
             if field.encode_name not in left_out:

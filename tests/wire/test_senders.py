@@ -1,5 +1,8 @@
 """What occurs in a run stands in keyspace.md, with the program that sends it: all keys, and all
 gets that are answered.
+
+The sessions of the simulated network note each use of a key: they put a message on it, get
+something from it, answer a get, or declare a token. The table of keyspace.md must allow each use.
 """
 
 import re
@@ -26,12 +29,14 @@ WORDS = {
     "logger": ("logger", "session"),
     "client": ("client", "session"),
 }
+# How a key is used, and the method of a session that does it.
 PUT = "put"
 GET = "get"
 TOKEN = "token"
 ANSWER = "answer"
 MEANS = {"publish": PUT, "ask": GET, "declare_alive": TOKEN, "answer": ANSWER}
 LAYOUT = lay_out(SMALL)
+# What may stand for each placeholder of a key in the table, as a regular expression.
 PLACEHOLDERS = {
     "prefix": "orchard",
     "body": "|".join(LAYOUT.names),
@@ -53,6 +58,7 @@ class Row(NamedTuple):
     delivery: str
 
     def fits(self, key: str) -> bool:
+        """Whether a key of a run is one of this row."""
         pattern = re.sub(r"\{(\w+)\}", lambda name: f"({PLACEHOLDERS[name[1]]})", self.key)
         return bool(re.fullmatch(pattern, key))
 
@@ -75,7 +81,10 @@ def rows() -> Iterator[Row]:
 
 @pytest.fixture
 def used(monkeypatch):
-    """Return (how, key, process) of all that the sessions of the simulated network do."""
+    """Return a set to which (how, key, process) of each use by a session is added.
+
+    `process` is the kind of it, such as `agents`: the name without its number.
+    """
     uses = set()
 
     def note(method: str) -> None:
@@ -148,8 +157,9 @@ def test_an_exchange_has_the_order_that_keyspace_tells():
     exchanged = 0
     while exchanged < SMALL.rows:
         local.tick()
+        # The tick at which these actions and letters were made.
         tick = local.engine.tick - 1
-        assert tick < 9000
+        assert tick < 9000, "the harvest does not go on"
         for name, action in sorted(local.actions.items()):
             if name.startswith("picker") and name in local.answers:
                 couples = [deed for deed in action.deeds if isinstance(deed, Couple)]

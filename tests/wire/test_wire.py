@@ -1,4 +1,9 @@
-"""What travels arrives as it was, to the last bit; what is nonsense is refused with its reason."""
+"""What travels arrives as it was, to the last bit; what is nonsense is refused with its reason.
+
+orchard/wire/codec.py makes messages of what physics and agents have, and the other way round. The
+strategies of hypothesis below draw anything that may be seen or said: m, m/s, rad/s, and ranges of
+a laser in m, at most 10 or infinite.
+"""
 
 import math
 
@@ -74,7 +79,10 @@ def is_same_scan(arrived, sent):
 
 
 def sights_of(observations):
-    """Return what several bodies see at one tick, as physics puts it together."""
+    """Return what several bodies see at tick 7, as physics puts it together in arrays.
+
+    A row of `states`: x, y, z and w of the orientation, and the velocity forward, left and turning.
+    """
     states = np.array([(seen.x, seen.y, *seen.orientation, *seen.twist) for seen in observations])
     hitches = {seen.name: seen.hitch for seen in observations if seen.hitch}
     fills = {seen.name: seen.fill for seen in observations if seen.fill}
@@ -150,6 +158,7 @@ def seen_message():
 @pytest.mark.parametrize(
     "change",
     [
+        # A state is seven float 64, 56 bytes.
         {"states": bytes(55)},
         {"states": np.full(7, np.nan).tobytes()},
         {"ranges": bytes(4 * 179)},
@@ -164,6 +173,7 @@ def test_arrays_that_do_not_fit_are_refused(change):
 
 
 def test_a_beam_too_many_does_not_make_up_for_one_too_few():
+    """The robot's laser has 180 beams and that of its bin 60. Here they have 179 and 61."""
     behind = {
         "picker_01": wire.OtherSeen("bin_01", (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), bytes(4 * 61))
     }
@@ -335,6 +345,7 @@ def test_the_layout_arrives_as_it_is(scenario):
         assert east - west == layout.row_length
 
     carrier = arrived.kinds["carrier"]
+    # docs/reference.md has these figures, m; the laser is at the carrier's front.
     assert carrier.length == 1.8
     assert carrier.tows == 1.9
     assert carrier.laser.x == 0.9
@@ -346,7 +357,7 @@ def test_a_kind_of_body_tells_how_it_drives_and_sees():
     kind = KINDS["picker"]
     sent = orchard_of(RUN, 0, layout).kinds["picker"]
     machine = layout.machines["picker"]
-    assert machine.speed != machine.turn
+    assert machine.speed != machine.turn, "else one could stand for the other"
     assert sent.max_linear == machine.speed
     assert sent.max_angular == machine.turn
     assert sent.length == kind.length

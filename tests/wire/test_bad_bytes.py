@@ -355,8 +355,8 @@ def test_a_payload_that_ends_with_others_is_refused(other):
     """Zenoh delivers such payloads when it closes a full link: the end is bytes of other messages.
 
     If only the last value of a message is torn, nothing may show it. So ends are torn that are at
-    least as long as the last value. What agents are shown and what they answer end with a value that
-    shows each tear, so there a single byte must be noticed.
+    least as long as the last value. What agents are shown and what they answer end with a value
+    that shows each tear, so there a single byte must be noticed.
     """
     chance = Random(1)
     # Bytes that are torn at least, of the messages in which it is not nine: a float has nine. The

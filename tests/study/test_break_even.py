@@ -15,7 +15,10 @@ PRICES = {"picker_per_hour": 25.0, "carrier_per_hour": 10.0}
 
 
 def known(rate: float, carriers: int, pickers: int = 4, **prices: Any) -> KnownSetting:
-    """Return a setting with prices of which two runs had this rate, bins/h."""
+    """Return a setting with prices, two runs of which had this rate, bins an hour.
+
+    Pickers cost 25 an hour each, and carriers 10.
+    """
     scenario = Scenario(rows=8, pickers=pickers, carriers=carriers, prices=PRICES | prices)
     record: Any = SimpleNamespace(bins_per_hour=rate, counted_bins=None)
     return KnownSetting(
@@ -24,10 +27,10 @@ def known(rate: float, carriers: int, pickers: int = 4, **prices: Any) -> KnownS
 
 
 def test_the_last_carrier_may_cost_what_it_saves() -> None:
-    """With two carriers a bin costs 120 / 10 = 12.
+    """With two carriers an hour costs 4 * 25 + 2 * 10 = 120, and a bin 120 / 10 = 12.
 
-    With three, 12 bins an hour may cost 144: 100 for pickers, 20 for two carriers, 24 for the
-    third one. A fourth one adds nothing: at 130 / 12 a bin it may cost nothing.
+    With three, 12 bins an hour may cost 144 at 12 a bin: 100 for pickers, 20 for two carriers, and
+    24 for the third one. A fourth one brings no bin more, so it may cost nothing.
     """
     settings = [known(10.0, 2), known(12.0, 3), known(12.0, 4)]
     last, more = break_evens(settings[1], [settings[0], settings[2]], 0.95)
@@ -38,10 +41,10 @@ def test_the_last_carrier_may_cost_what_it_saves() -> None:
 
 
 def test_a_robot_that_is_bought_is_worth_its_hours() -> None:
-    """A fifth picker: 125 an hour at 10 bins would be 12 a bin, and 20 of 145 are carriers'.
+    """With 4 pickers and 2 carriers a bin costs 12.
 
-    With 4 pickers and 2 carriers a bin costs 12. At 12.5 bins an hour 150 may be paid: 100 for the
-    other pickers, 20 for carriers, 30 for the fifth one, which in 5 years of 400 h is 60,000.
+    With a fifth picker 12.5 bins an hour may cost 150 at 12 a bin: 100 for the other pickers, 20
+    for carriers, and 30 for the fifth one. In 5 years of 400 h that is 60,000.
     """
     robot = {"years": 5.0, "hours_per_year": 400.0}
     five = known(12.5, 2, pickers=5, picker_bought=robot)
@@ -57,7 +60,8 @@ def test_a_robot_that_is_bought_is_worth_its_hours() -> None:
 def test_each_of_two_more_robots_may_cost_half_of_what_both_save() -> None:
     """With two carriers a bin costs 120 / 10 = 12.
 
-    With four, 15 bins an hour may cost 180: 100 for pickers, 20 for two carriers, 60 for others.
+    With four, 15 bins an hour may cost 180 at 12 a bin: 100 for pickers, 20 for two carriers, and
+    60 for the other two, 30 each.
     """
     (last,) = break_evens(known(15.0, 4), [known(10.0, 2)], 0.95)
     assert last.per_hour.mean == pytest.approx(30.0)
@@ -69,9 +73,12 @@ def test_settings_that_differ_in_more_tell_no_break_even() -> None:
 
 
 def test_pickers_that_cost_nothing_are_told() -> None:
-    """Else the most of them would be the cheapest."""
+    """If pickers cost nothing, the most of them would always be the cheapest.
+
+    That is no problem if the goal is the rate.
+    """
     scenario = Scenario(rows=8, prices={"carrier_per_hour": 8.0})
     (problem,) = checked_settings(scenario, {"pickers": [2, 3]}, StudyOptions())[1]
     assert str(problem).startswith("--vary pickers: prices: pickers vary and cost nothing")
-    for options in (StudyOptions(goal="bins_per_hour"),):
-        assert checked_settings(scenario, {"pickers": [2, 3]}, options)[1] == []
+    by_rate = StudyOptions(goal="bins_per_hour")
+    assert checked_settings(scenario, {"pickers": [2, 3]}, by_rate)[1] == []

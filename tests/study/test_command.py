@@ -1,4 +1,8 @@
-"""The command `orchard study`, as a person uses it: answers, mistakes, Ctrl-C, kill -9."""
+"""The command `orchard study`, as a person uses it: answers, mistakes, Ctrl-C, kill -9.
+
+A study runs settings of an orchard, such as numbers of carriers, until it is sure which is best. It
+keeps all runs in a store, a file of SQLite, so that it can go on.
+"""
 
 import json
 import os
@@ -62,11 +66,13 @@ def words(folder: Path, store: str) -> tuple:
 
 
 def found(path: Path) -> dict:
+    """Return the summary of a study, without the time that it took."""
     return json.loads(path.read_text()) | {"wall_seconds": 0.0}
 
 
 @pytest.fixture(scope="module")
 def undisturbed(folder) -> dict:
+    """Do the study of QUESTION without an interruption. Return its summary."""
     run = orchard(
         *words(folder, "quiet.db"),
         "--summary",
@@ -86,6 +92,7 @@ def undisturbed(folder) -> dict:
 
 
 def known(store: Path) -> int:
+    """Return the number of runs that a store has."""
     if not store.exists():
         return 0
     with closing(sqlite3.connect(store, timeout=PATIENCE)) as database:
@@ -104,7 +111,7 @@ ALONE = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats":
 
 @pytest.mark.parametrize("prices", [{}, {"picker_per_hour": 25.0, "carrier_per_hour": 8.0}])
 def test_the_library_the_command_and_the_page_give_one_answer(folder, tmp_path, prices):
-    """Told nothing but the orchard, and each with a store of its own."""
+    """Each gets the orchard alone, and has a store of its own, so that all do their runs."""
     scenario = Scenario(
         rows=6,
         row_length=40.0,
@@ -144,13 +151,14 @@ def test_the_whole_answer_is_written(folder, undisturbed):
         for carriers in (1, 2, 3)
         for policy in ("nearest", "predictive")
     ]
-    assert len((folder / "quiet.csv").read_text().splitlines()) == 7
+    assert len((folder / "quiet.csv").read_text().splitlines()) == 1 + 6, "a head and six settings"
 
 
 def test_two_sentences_come_first_and_the_table_fits(folder):
-    """Two sentences come first and the table fits 80 columns and Python says the same.
+    """A study that gets the orchard alone answers how many carriers are best in the long run.
 
-    Of a study that is told nothing but the orchard: how many carriers, in the long run.
+    The answer and the orchard come first, on one line; the table fits 80 columns; and the library
+    gives the same answer.
     """
     (folder / "plain.yaml").write_text(SCENARIO.replace("gamma", "none") + "tractor: false\n")
     run = orchard(
@@ -178,6 +186,10 @@ def test_two_sentences_come_first_and_the_table_fits(folder):
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
 def test_a_study_that_ends_early_goes_on_to_the_same_table(folder, undisturbed, number):
+    """Ctrl-C at a terminal (SIGINT) reaches all processes of the study, and SIGKILL only the first.
+
+    No process of it is left. The same command goes on, and does only the runs that are missing.
+    """
     store = f"{number}.db"
     summary = folder / f"{number}.json"
     with starting(*words(folder, store)) as first:
@@ -201,6 +213,7 @@ def test_a_study_that_ends_early_goes_on_to_the_same_table(folder, undisturbed, 
     assert before < known(folder / store) == known(folder / "quiet.db")
 
 
+# Options of a study, and words of the answer.
 MISTAKES = [
     (["--vary", "dispach=x"], ["did you mean dispatch?"]),
     (["--goal", "cost_per_bin"], ["--goal cost_per_bin: prices: needs a price"]),
@@ -242,6 +255,8 @@ def test_mistakes_are_told_with_exit_code_2(options, told, mistakes, tmp_path):
 
 @pytest.fixture
 def mistakes(capfd, monkeypatch, tmp_path):
+    """Return a function that starts a study, which must be refused. It returns the words."""
+
     def said(*words):
         monkeypatch.setattr("sys.argv", ["orchard", "study", *map(str, words)])
         with pytest.raises(SystemExit) as ended:
@@ -255,10 +270,10 @@ def mistakes(capfd, monkeypatch, tmp_path):
 
 
 def test_faults_of_file_options_and_ranges_are_told_at_once(mistakes, tmp_path):
-    """Faults of the file the options and the ranges are told at once.
+    """The faults of options, of ranges and of the file are told together.
 
-    Nothing is told that may follow from a fault of the file: here a price, and the number of
-    rows.
+    Nothing is told that may only follow from a fault of the file: here that a goal needs a price,
+    and that 20 pickers need 20 rows.
     """
     (tmp_path / "bad.yaml").write_text("rows: 999\nprices: {per_bin: -1}\n")
     options = (
@@ -299,7 +314,7 @@ def test_a_budget_too_short_for_one_run_is_exit_code_1(folder):
 
 
 def test_a_violated_invariant_is_exit_code_1_and_named(folder):
-    """A run by the full model that is in the store already, as one that broke an invariant."""
+    """Five runs of the full model are in the store already, as runs that broke an invariant."""
     scenario = with_changes(load(folder / "my.yaml"), carriers=2)
     sound = PlannedRun(scenario, "fast").do(time.time() + 100.0)
     with Store(folder / "violated.db") as store:
@@ -343,6 +358,7 @@ def test_a_store_that_fails_is_a_failure_and_no_bad_input(folder, monkeypatch, c
 
 
 def test_a_study_says_which_of_its_policies_leave(tmp_path):
+    """Version 2.0 will not have two of these policies. The exit code depends on the budget."""
     varied = ("--vary", "dispatch=assignment,nearest,longest-waiting", "--vary", "carriers=2")
     done = orchard(
         *("study", *varied, "--model", "fast", "--budget", "1", "--workers", "1"),

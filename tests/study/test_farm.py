@@ -1,4 +1,8 @@
-"""A farm: one fleet harvests several blocks one after another; its time is the sum of theirs."""
+"""A farm: one fleet harvests several blocks one after another; its time is the sum of theirs.
+
+The file of a farm names the files of its blocks, and the minutes of a transfer: the time in which
+the fleet moves from one block to the next.
+"""
 
 import json
 import math
@@ -51,6 +55,7 @@ def farm(tmp_path) -> Path:
 
 
 def problems(path: Path, *varied: str) -> str:
+    """Return what is wrong with a farm's file. `varied`: the keys that the study varies."""
     with pytest.raises(ScenarioError) as raised:
         read_farm(path, varied)
     return str(raised.value)
@@ -59,6 +64,9 @@ def problems(path: Path, *varied: str) -> str:
 @settings(max_examples=20)
 @given(st.lists(st.lists(st.floats(100.0, 900.0), min_size=3, max_size=9), min_size=2, max_size=4))
 def test_a_sum_has_the_sum_of_means_and_variances(samples):
+    """The interval is that of Welch: a t distribution, whose degrees of freedom follow from the
+    variances of the means (Welch and Satterthwaite).
+    """
     parts = [(interval(sample, 0.95), len(sample)) for sample in samples]
     total = sum_of(parts, 0.95)
     assert total.mean == pytest.approx(sum(np.mean(sample) for sample in samples))
@@ -80,6 +88,8 @@ def test_a_farm_takes_its_harvests_and_its_transfers(farm, tmp_path, monkeypatch
     result = farm_study(read_farm(farm, ["carriers"]), {"carriers": [1, 3]}, options)
     assert [row.setting for row in result.table] == [{"carriers": 1}, {"carriers": 3}]
     for row in result.table:
+        # A transfer takes 20 min, 1,200 s. The interval of a sum is wider than half the widest of
+        # the parts, and narrower than their sum, because the parts are independent.
         harvests = [row.blocks["top"].mean, row.blocks["Low"].mean]
         assert row.seconds.mean == pytest.approx(sum(harvests) + 1200.0)
         widths = [part.high - part.mean for part in row.blocks.values()]
@@ -95,6 +105,7 @@ def test_a_farm_takes_its_harvests_and_its_transfers(farm, tmp_path, monkeypatch
 
 
 def test_blocks_have_seeds_and_chances_of_their_own(farm):
+    """Seeds of a block follow each other, so those of the next block begin far away."""
     seeds = [block.scenario.seed for block in read_farm(farm, ["carriers"]).blocks]
     assert seeds[1] - seeds[0] == 1_000_000
 
@@ -116,6 +127,7 @@ def test_blocks_that_differ_in_their_fleet_are_told(farm):
     assert "`carriers`" not in problems(farm, "carriers")
 
 
+# The file of a farm, and words of what is wrong with it.
 MISTAKES = [
     ("blocks: []\ntransfer_minutes: 0\n", "blocks = 0 blocks: must be a list of 2 to 50 blocks"),
     ("blocks: top.yaml\ntransfer_minutes: 0\n", "must be a list of 2 to 50 blocks"),

@@ -44,9 +44,13 @@ COMMANDS = {
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_no_study_replaces_a_file_of_others(command, tmp_path):
-    """It is told before the work begins, and the file stays."""
+    """It is told before the work begins, and the file stays.
+
+    `told_of_others` puts files of a user where the command would write. It returns their names, and
+    what the command says.
+    """
     written, told = told_of_others(COMMANDS[command], tmp_path)
-    # A study tells of all its files at once.
+    # A study names all these files at once, and the others name the first.
     expected = written if command == "study" else written[:1]
     assert [name for name in written if name in told] == expected
 
@@ -88,6 +92,7 @@ def test_an_own_summary_may_be_replaced(command, tmp_path):
 
 def test_a_table_of_a_study_without_a_run_is_replaced(tmp_path: Path) -> None:
     """The study was stopped before its first run, and the same command goes on."""
+    # What `save_csv` writes of no row: an empty head.
     table = tmp_path / "table.csv"
     table.write_bytes(b"\r\n")
     check_writable(table, kind=TABLE)

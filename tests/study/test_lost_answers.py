@@ -5,6 +5,7 @@ from shell import shell
 
 from orchard.study.study_command import LOST
 
+# In a shell `>&-` closes stdout, and /dev/full takes nothing, as a full disk.
 ANSWERS = [
     "study small.yaml --vary carriers=1 --model fast --budget 60s --workers 1 --out studies.db",
     "study small.yaml --vary carriers=1 --model fast --workers 1 --out studies.db --progress json",

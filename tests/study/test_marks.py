@@ -15,4 +15,5 @@ def test_the_legend_explains_the_marks_of_settings():
 
 
 def test_the_bars_of_a_picture_reach_from_the_mean_to_both_ends():
+    """The interval is 10 ± 2. Matplotlib takes the lengths of all bars below, and then above."""
     assert half_widths([interval(10.0, 2.0)]).tolist() == [[2.0], [2.0]]

@@ -1,4 +1,4 @@
-"""The orchard of a study in words."""
+"""The orchard of a study in words, as they stand after the answer."""
 
 from orchard.field.scenario import Scenario
 from orchard.study.orchard_words import orchard_words

@@ -1,6 +1,8 @@
 """The page, `orchard bound`, the table of a study and its answer show one limit, whatever ran.
 
-No run of a study exceeds it. The summary of a run shows the limit of its own rows.
+A limit is the rate, bins an hour, that pickers, carriers and the bay allow without traffic. That of
+a question holds for rows that take their mean times, so no seed changes it. No run of a study
+exceeds it. The summary of a run shows the limit of the rows that its own seed has drawn.
 """
 
 from dataclasses import replace
@@ -36,7 +38,7 @@ OPTIONS = StudyOptions(budget_seconds=3600.0, model="fast")
 
 
 def studied(scenario, runs, monkeypatch, tmp_path, horizon="long"):
-    """Return the table of a study of one setting that is cut after some runs."""
+    """Return the table of a study of one setting that is cut after so many runs."""
     monkeypatch.setattr(module, "processes", lambda count: FewRuns(runs))
     options = replace(OPTIONS, horizon=horizon, store=tmp_path / f"{horizon}{runs}.db")
     return study(scenario, {"carriers": [scenario.carriers]}, options).table
@@ -81,7 +83,10 @@ def test_the_limit_is_the_scenarios_where_rows_are_fixed():
 
 
 def test_a_study_begins_with_the_carriers_of_the_limit():
-    """By the rows of seed 3 alone one carrier keeps all busy, by those of mean times two do."""
+    """It tries carriers up to MORE times as many as keep all pickers busy, and one more.
+
+    By the rows of seed 3 that is one carrier; by rows that take their mean times it is two.
+    """
     values = SMALL | {"pickers": 4, "picking_speed": 0.042}
     scenario = empty_orchard(**values, **DRAWN, carriers=1)
     busy = []
@@ -91,7 +96,7 @@ def test_a_study_begins_with_the_carriers_of_the_limit():
     assert max(first_numbers(scenario)) == ceil(MORE * busy[1]) + 1
 
 
-# Its five bins have the fruit of 3.35.
+# An orchard whose five bins are part full: they have the fruit of 3.35.
 PART_FULL = {
     "pickers": 5,
     "rows": 5,
@@ -103,7 +108,7 @@ PART_FULL = {
     "picking": {},
     "seed": 44,
 }
-# Its rows are picked faster than by the mean.
+# An orchard whose seed draws rows that are picked faster than by the mean.
 FAST_ROWS = {
     "pickers": 4,
     "rows": 8,

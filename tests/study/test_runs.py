@@ -1,4 +1,7 @@
-"""One run: the figures of both models, the clock, and errors with their place."""
+"""One run: the figures of both models, the clock, and errors with their place.
+
+The fast model is the event model, and the full one is the simulator.
+"""
 
 import re
 import subprocess
@@ -13,7 +16,7 @@ from orchard.field.scenario import Scenario, with_changes
 from orchard.local import Local
 from orchard.study.runs import DECIDING, PlannedRun, RunFailed, do
 
-# Times of the clock, s.
+# Until when a run may take, on the clock of the machine, s.
 NO_DEADLINE = inf
 IS_OVER = 0.0
 SCENARIO = Scenario(
@@ -26,6 +29,7 @@ SCENARIO = Scenario(
 
 
 def test_both_models_tell_nearly_the_same():
+    """The harvests are equally long within 4 %; keys differ, so a store keeps both."""
     fast = do(PlannedRun(SCENARIO, "fast"), NO_DEADLINE)
     full = do(PlannedRun(SCENARIO, "full"), NO_DEADLINE)
     assert (fast.ended, fast.bins, full.ended, full.bins) == ("harvested", 3, "harvested", 3)
@@ -62,6 +66,7 @@ def test_an_error_in_a_run_does_not_end_the_program(error, monkeypatch):
         do(PlannedRun(SCENARIO, "fast"), NO_DEADLINE)
 
 
+# A faulty policy of tests/support/own_policies.py, and what is told of it.
 WRONG_POLICIES = [
     ("Raising", "LookupError: no such bin here"),
     ("Inventing", "ValueError: the dispatch policy assigns bin bin_77, which is not available; .*"),
@@ -85,6 +90,7 @@ def test_what_is_wrong_with_a_policy_is_told_with_its_place(policy, words, horiz
 
 
 def test_a_full_run_tells_what_failed_in_an_own_policy():
+    """In the simulator a policy that fails stops nothing: bins are served as with `nearest`."""
     scenario = with_changes(SCENARIO, dispatch="own_policies.Raising")
     record = do(PlannedRun(scenario, "full"), NO_DEADLINE)
     assert record.ended == "harvested"

@@ -1,5 +1,7 @@
-"""What a study says and shows: the sentence, the table, the CSV, the picture, the report, and the
-whole as JSON.
+"""What a study shows: the table, the CSV, the picture, the report, and the whole as JSON.
+
+Results of studies are made by hand (tests/support/made_studies.py). A row of a table is a setting,
+with its rate and its interval.
 """
 
 import csv
@@ -34,348 +36,23 @@ from orchard.study.answer_words import answer
 from orchard.study.orchard_words import orchard_words
 from orchard.study.result import StudyResult
 from orchard.study.settings import varied_of
-from orchard.study.words import number_words, value_words
-
-NINE, TEN, ELEVEN = (
-    a_row(rate, 0.6, setting=carriers(n)) for n, rate in ((9, 84.1), (10, 84.0), (11, 84.2))
-)
-PRICED = replace(NINE, cost_per_bin=interval(7.7, 0.05))
-LONE = replace(NINE, bins_per_hour=interval(84.1))
-JAMMED = a_row(None, setting=carriers(12))
-BOTH = [
-    a_row(90.0 - n, 0.6, setting={"carriers": n, "dispatch": name})
-    for n in (8, 9)
-    for name in ("nearest", "predictive")
-]
-
-
-def of(*table, best=None, ties=(), unsure=(), **changes):
-    unsure = [row.setting for row in unsure]
-    return a_result(
-        list(table),
-        (best or table[0]).setting,
-        tuple(row.setting for row in ties),
-        undecided=unsure,
-        **changes,
-    )
-
-
-ANSWERS = [
-    (
-        of(NINE, TEN, ELEVEN, ties=(TEN, ELEVEN)),
-        "9 carriers: 84.1 ± 0.6 bins an hour; one more gains less than 2 %.",
-    ),
-    (
-        of(replace(NINE, lead=interval(0.018, 0.019)), TEN, ties=(TEN,)),
-        "9 carriers: 84.1 ± 0.6 bins an hour; the best mean is 1.8 ± 1.9 % ahead, where 2 % count.",
-    ),
-    (
-        of(NINE, TEN, ELEVEN, ties=(ELEVEN,)),
-        "9 carriers: 84.1 ± 0.6 bins an hour; 11 gain less than 2 %.",
-    ),
-    (
-        of(PRICED, TEN, ties=(TEN,), horizon="long"),
-        (
-            "9 carriers: 84.1 ± 0.6 bins an hour, 7.70 a bin in the long run; one more gains less"
-            " than 2 %."
-        ),
-    ),
-    (
-        of(PRICED, TEN, ELEVEN, ties=(TEN, ELEVEN), goal="cost_per_bin"),
-        (
-            "9 carriers: 7.70 ± 0.05 a bin, 84.1 bins an hour, 856 s for the harvest; 10 and 11 are"
-            " within 2 % of it."
-        ),
-    ),
-    (
-        of(NINE, TEN, best=TEN, unsure=(NINE,), seconds_needed=39.2, stopped_by="budget"),
-        "10 carriers: 84.0 ± 0.6 bins an hour; not enough runs to tell 9 from 10: 40 s more would.",
-    ),
-    (
-        of(NINE, TEN, ELEVEN, best=TEN, ties=(ELEVEN,), unsure=(TEN,), seconds_needed=5.0),
-        "10 carriers: 84.0 ± 0.6 bins an hour; not enough runs to tell 11 from 10: 5 s more would.",
-    ),
-    (
-        of(NINE, TEN, best=TEN, unsure=(NINE,), seconds_needed=3488.0, stopped_by="budget"),
-        (
-            "10 carriers: 84.0 ± 0.6 bins an hour; not enough runs to tell 9 from 10: 59 min more"
-            " would."
-        ),
-    ),
-    (
-        of(NINE, TEN, best=TEN, unsure=(NINE,), seconds_needed=8000.0, stopped_by="budget"),
-        "10 carriers: 84.0 ± 0.6 bins an hour; not enough runs to tell 9 from 10: 3 h more would.",
-    ),
-    (
-        # One run of each: that more have not run says how little is known.
-        of(replace(LONE, replications=1), not_run=[carriers(8)], stopped_by="budget"),
-        (
-            "So far 9 carriers: 84.1 bins an hour; 1 of 2 settings has not run, 8 carriers, and may"
-            " be better."
-        ),
-    ),
-    (
-        of(NINE, TEN, best=TEN, unsure=(NINE,), stopped_by="seeds"),
-        "10 carriers: 84.0 ± 0.6 bins an hour; 80 runs of each are too few to tell 9 from 10.",
-    ),
-    (
-        of(replace(LONE, replications=1), stopped_by="budget"),
-        "9 carriers: 84.1 bins an hour, known from one run only.",
-    ),
-    (
-        of(NINE, TEN, best=TEN, ties=(NINE,), beyond={"carriers": 11}),
-        (
-            "At least 10 carriers: 84.0 ± 0.6 bins an hour; the range is too small, as 11 carriers"
-            " may be better."
-        ),
-    ),
-    (
-        of(
-            replace(LONE, setting={"carriers": 1, "chargers": 2}),
-            beyond={"chargers": 3},
-        ),
-        (
-            "At least chargers 2, 1 carrier: 84.1 bins an hour; the range is too small, as chargers"
-            " 3 may be better."
-        ),
-    ),
-    (
-        of(
-            replace(LONE, setting={"pickers": 2, "carriers": 5, "dispatch": "nearest"}),
-            beyond={"pickers": 1, "carriers": 6},
-        ),
-        (
-            "At most 2 pickers, at least 5 carriers, nearest: 84.1 bins an hour; the range is too"
-            " small, as 1 picker and 6 carriers may be better."
-        ),
-    ),
-    (
-        of(NINE, TEN, best=TEN, unsure=(NINE,), seconds_needed=39.2, beyond={"carriers": 11}),
-        (
-            "At least 10 carriers: 84.0 ± 0.6 bins an hour; the range is too small, as 11 carriers"
-            " may be better; not enough runs to tell 9 from 10: 40 s more would."
-        ),
-    ),
-    (
-        of(NINE, TEN, unsure=(TEN,), seconds_needed=39.2, beyond={"carriers": 8}),
-        (
-            "9 carriers: 84.1 ± 0.6 bins an hour; the range is too small, as 8 carriers may be"
-            " better; not enough runs to tell 10 from 9: 40 s more would."
-        ),
-    ),
-    (
-        of(NINE, TEN, ties=(TEN,), not_run=[carriers(8), carriers(11)], seconds_needed=2.5),
-        (
-            "So far 9 carriers: 84.1 ± 0.6 bins an hour; 2 of 4 settings have not run, such as 8"
-            " carriers, and may be better: 3 s more would run each once."
-        ),
-    ),
-    (
-        of(NINE, TEN, unsure=(TEN,), not_run=[carriers(8)], seconds_needed=0.2),
-        (
-            "So far 9 carriers: 84.1 ± 0.6 bins an hour; 1 of 3 settings has not run, 8 carriers,"
-            " and may be better: 1 s more would run it."
-        ),
-    ),
-    (
-        of(NINE, TEN, best=NINE, ties=(TEN,), beyond={"carriers": 8}),
-        (
-            "At most 9 carriers: 84.1 ± 0.6 bins an hour; the range is too small, as 8 carriers may"
-            " be better."
-        ),
-    ),
-    (of(NINE), "9 carriers: 84.1 ± 0.6 bins an hour."),
-    (of(LONE, horizon="long"), "9 carriers: 84.1 bins an hour in the long run."),
-    (of(NINE, goal="harvest_seconds"), "9 carriers: 856 s for the harvest, 84.1 bins an hour."),
-    (of(replace(LONE, setting={})), "this scenario: 84.1 bins an hour."),
-    (of(replace(LONE, setting=carriers(1))), "1 carrier: 84.1 bins an hour."),
-    (
-        of(replace(LONE, setting=carriers(None)), TEN, ties=(TEN,)),
-        "automatic carriers: 84.1 bins an hour; 10 is within 2 % of it.",
-    ),
-    (of(replace(LONE, setting={"picking_speed": 0.03})), "picking speed 0.03: 84.1 bins an hour."),
-    (
-        of(
-            replace(
-                LONE,
-                setting={
-                    "people.workers": 4,
-                    "route": "two-way",
-                    "carriers": 9,
-                    "dispatch": "nearest",
-                },
-            )
-        ),
-        "9 carriers, 4 workers with nearest on two-way: 84.1 bins an hour.",
-    ),
-    (
-        of(*BOTH, best=BOTH[0], ties=BOTH[1:]),
-        (
-            "8 carriers with nearest: 82.0 ± 0.6 bins an hour; 8 carriers with predictive, 9"
-            " carriers with nearest and 9 carriers with predictive are within 2 % of it."
-        ),
-    ),
-    (
-        by_policies(),
-        "predictive: 72.8 ± 1.2 bins an hour; predictive-farthest is within 2 % of it.",
-    ),
-    (
-        of(
-            replace(NINE, check=checked(83.2, 0.5, -0.011)),
-            replace(TEN, check=checked(83.0, 0.5, -0.012)),
-        ),
-        "9 carriers: 84.1 ± 0.6 bins an hour; the simulator says 83.2 ± 0.5, 1.1 % less.",
-    ),
-    (
-        of(
-            replace(NINE, check=checked(83.2, 0.5, -0.011, jammed=1)),
-            replace(TEN, check=checked(86.0, 0.5, 0.024)),
-        ),
-        (
-            "9 carriers: 84.1 ± 0.6 bins an hour; the simulator says 83.2 ± 0.5, 1.1 % less, and 1"
-            " of 3 of its runs jammed, and prefers 10 carriers with 86.0 ± 0.5."
-        ),
-    ),
-    (
-        of(replace(LONE, check=checked(84.1, 0.0, 0.0))),
-        "9 carriers: 84.1 bins an hour; the simulator says 84.1, the same.",
-    ),
-    (
-        of(replace(LONE, harvest_seconds=interval(1210.0), proven_seconds=1000.0)),
-        "9 carriers: 84.1 bins an hour; 21 % above the proven optimum without traffic.",
-    ),
-    (
-        of(replace(LONE, check=checked(84.1, 0.0, 0.0, jammed=3))),
-        "9 carriers: 84.1 bins an hour; in the simulator it jams.",
-    ),
-]
-
-
-@pytest.mark.parametrize(("result", "told"), ANSWERS)
-def test_the_answer_is_one_sentence_and_one_about_its_orchard(result, told):
-    first, orchard = answer(result).split(" The orchard: ")
-    assert first == told
-    limit = number_words(result.best_row.bound_bins_per_hour)
-    assert (
-        orchard
-        == f"{result.orchard}; without traffic the carriers would allow {limit} bins an hour."
-    )
-
-
-SPEEDS = [
-    a_row(rate, 0.6, setting={"picking_speed": speed}, standing="alone", behind=None)
-    for speed, rate in ((0.02, 20.0), (0.03, 30.0), (0.04, 40.0), (0.05, 50.0), (0.06, 60.0))
-]
-FLEETS = [
-    replace(row, setting=row.setting | {"picking_speed": speed}, standing=standing)
-    for row, speed, standing in (
-        (NINE, 0.02, "best"),
-        (TEN, 0.02, "worse"),
-        (NINE, 0.03, "unknown"),
-        (TEN, 0.03, "best"),
-        (JAMMED, 0.04, "jammed"),
-    )
-]
-GIVEN = [
-    (
-        a_result(SPEEDS[:2], None, given=["picking_speed"]),
-        (
-            "picking speed 0.02: 20.0 ± 0.6 bins an hour; picking speed 0.03: 30.0 ± 0.6 bins an"
-            " hour; picking speed is given and not chosen, so there is no best."
-        ),
-    ),
-    (
-        a_result(
-            SPEEDS,
-            None,
-            given=["picking_speed"],
-            not_run=[{"picking_speed": 1.0}],
-            seconds_needed=3.0,
-        ),
-        (
-            "So far picking speed 0.02: 20.0 ± 0.6 bins an hour; 3 more in the table; picking speed"
-            " 0.06: 60.0 ± 0.6 bins an hour; picking speed is given and not chosen, so there is no"
-            " best; 1 of 6 settings has not run, picking speed 1: 3 s more would run it."
-        ),
-    ),
-    (
-        a_result(
-            FLEETS,
-            None,
-            given=["picking_speed"],
-            undecided=[FLEETS[2].setting],
-            seconds_needed=7.0,
-        ),
-        (
-            "picking speed 0.02: 9 carriers, 84.1 ± 0.6 bins an hour; "
-            "picking speed 0.03: 10 carriers, 84.0 ± 0.6 bins an hour; picking speed 0.04: jammed; "
-            "picking speed is given and not chosen, so each has a best of its own; "
-            "not enough runs to tell 1 of the settings from the best: 7 s more would."
-        ),
-    ),
-]
-
-
-@pytest.mark.parametrize(("result", "told"), GIVEN)
-def test_what_nobody_chooses_is_told_without_a_best_of_all(result, told):
-    assert answer(result) == f"{told} The orchard: {result.orchard}."
-
-
-@pytest.mark.parametrize(
-    ("result", "told"),
-    [
-        (
-            a_result([JAMMED, replace(JAMMED, setting=carriers(13))], None),
-            "All 2 settings jammed: some robots waited for ever.",
-        ),
-        (a_result([JAMMED], None), "12 carriers jammed: some robots waited for ever."),
-        (
-            a_result([JAMMED], None, not_run=[carriers(13)]),
-            (
-                "12 carriers jammed: some robots waited for ever; 1 of 2 settings has not run, 13"
-                " carriers, and may be better."
-            ),
-        ),
-        (a_result([], None), "No setting has been run yet."),
-    ],
-)
-def test_a_study_without_a_best_setting_says_why(result, told):
-    assert answer(result) == told
-
-
-def test_no_value_has_the_words_of_its_key():
-    values = {
-        "picking.failure.mean_between": "never",
-        "prices.per_bin": "none",
-        "carriers": "automatic",
-    }
-    assert {key: value_words(None, key) for key in values} == values
-
-
-def test_many_equal_settings_are_counted_and_not_all_named():
-    result = by_policies()
-    more = [
-        replace(result.table[0], setting={"dispatch": name})
-        for name in ("mine.Policy", "yours.Policy")
-    ]
-    rows = [
-        replace(row, standing="equal") if row.standing == "worse" else row
-        for row in (*result.table, *more)
-    ]
-    told = answer(replace(result, table=rows))
-    assert "; nearest, longest-waiting, farthest-first and 3 more are within 2 % of it." in told
-
 
 MACHINES = (
     "5.5 m from row to row, carriers at 1 m/s, pickers that drive at 1 m/s, 5 s at the bay,"
     " 0.2 s to couple a bin, 0.4 s to uncouple it"
 )
+
+
 MADE_OF = f"20 rows of 70 m, one bin a row, 10 pickers, two-way, rolling dispatch, {MACHINES}"
+
+
+# A name that HTML and the terminal would take for an order.
 HOSTILE = 'mine.<script>alert("1")</script>&[bold]'
 
 
 @cache
 def whole():
+    """Return a result with all that can be shown: costs, checks by the simulator, a jam, a note."""
     result = by_carriers(notes=["The budget allowed 3 seeds"])
     checks = {9: checked(71.9, 0.9, 0.021), 10: checked(71.9, 0.5, -0.011, jammed=1)}
     rows = [replace(row, check=checks.get(row.setting["carriers"])) for row in result.table]
@@ -383,6 +60,7 @@ def whole():
 
 
 def hostile():
+    """Return a result in which the policy, a note and the answer are HOSTILE."""
     rows = [
         a_row(80.0 + n, 0.5, setting={"dispatch": name})
         for n, name in enumerate(("nearest", HOSTILE))
@@ -391,6 +69,7 @@ def hostile():
 
 
 def printed(result, width):
+    """Return the lines of the table in a terminal of this width."""
     console = Console(width=width, record=True, file=io.StringIO())
     console.print(table.as_table(result))
     return console.export_text().splitlines()
@@ -425,7 +104,7 @@ def test_the_table_fits_and_loses_nothing(width):
 
 
 def test_what_is_too_long_is_folded_and_not_cut():
-    """What is too long for a narrow table is folded and not cut."""
+    """The table is 80 columns wide, and an ellipsis would show a cut."""
     rows = [
         replace(row, setting=row.setting | {"dispatch": "my_policies.TheOneThatIsBest"})
         for row in whole().table
@@ -435,7 +114,7 @@ def test_what_is_too_long_is_folded_and_not_cut():
 
 
 def test_columns_that_tell_nothing_are_left_out():
-    """A column without a figure and a key with one value are left out."""
+    """A column is left out if it has no figure, or if it is a key with one value."""
     heads, lines = table.heads_and_lines(by_policies())
     assert {"a bin", "checked", "harvest, s", "optimum, s"}.isdisjoint(heads)
     assert [line[0] for line in lines][3:] == ["predictive *", "predictive-farthest ="]
@@ -467,7 +146,10 @@ def test_the_least_cost_of_one_harvest_has_its_time():
 
 
 def test_how_far_behind_a_run_is_has_a_figure():
-    """How far behind one run is has a figure and only the best has none."""
+    """Only the best setting has no figure. That of a setting with one run has no interval.
+
+    `lead`: by which share the best is ahead, with an interval; `behind`: the same without one.
+    """
     rows = [
         a_row(88.2, setting=carriers(3), lead=interval(0.0), behind=None),
         a_row(84.0, setting=carriers(2), lead=None, behind=0.05),
@@ -480,7 +162,7 @@ def test_how_far_behind_a_run_is_has_a_figure():
 
 
 def test_an_order_to_the_terminal_is_shown_as_it_is():
-    """What looks like an order to the terminal is shown as it is."""
+    """Rich would take [bold] for an order to write in bold."""
     assert any(HOSTILE in line for line in printed(hostile(), 200))
 
 
@@ -504,6 +186,7 @@ def test_the_csv_has_every_figure_with_its_unit(tmp_path):
 
 
 def words_of(axes):
+    """Return the words of the legend of a picture."""
     return [text.get_text() for text in axes.get_legend().get_texts()]
 
 
@@ -556,7 +239,7 @@ def test_a_study_that_has_hardly_begun_has_a_picture(result):
 
 
 def test_the_picture_is_the_same_each_time(tmp_path):
-    """The picture is the same each time and its words are text."""
+    """Its bytes are the same each time, and its words are text and no outlines."""
     for name in ("a.svg", "b.svg", "a.png"):
         picture.save(whole(), tmp_path / name)
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
@@ -575,6 +258,9 @@ def test_two_pages_that_draw_at_once_get_the_same_picture():
 
 
 class Structure(HTMLParser):
+    """What an HTML page consists of: its tags and words. Each tag must be closed in its order."""
+
+    # Tags that are not closed.
     VOID = ("meta", "br", "link")
 
     def __init__(self, text):
@@ -623,9 +309,9 @@ def test_the_report_holds_all_of_it_and_needs_nothing_else(tmp_path):
 
 
 def test_the_command_for_a_study_has_all_digits_and_the_model():
-    """The command for a study has all digits and names the model."""
+    """The report shows a command that does the same study again, with all digits and the model."""
     by_full = replace(
-        a_result([replace(NINE, model="full")], None),
+        a_result([replace(a_row(84.1, 0.6, setting=carriers(9)), model="full")], None),
         varied={
             "picking_speed": [0.123456789, None],
             "tractor": [True],
@@ -678,6 +364,9 @@ def test_the_orchard_is_named_with_its_spacing_and_its_machines():
 
 
 def test_a_crop_fills_bins_by_the_spacing_of_the_rows():
+    """60 t/ha are 6 kg/m2. A metre of a row has the fruit of its spacing: 5.5 m by default, or 3.66
+    m, the width between trunks and a trunk of 0.5 m.
+    """
     apples = {"tonnes_per_hectare": 60, "kilograms_per_bin": 400}
     wide = check({"crop": apples})
     narrow = check({"crop": apples, "row_width": 3.16})

@@ -1,4 +1,8 @@
-"""The order in which the settings of a study run."""
+"""The order in which the settings of a study run.
+
+The ends of each range come first, then middles: so a study whose budget ends early has seen the
+whole range. Next to it: which number lies beyond the end of a range.
+"""
 
 from itertools import product
 
@@ -6,6 +10,8 @@ import pytest
 
 from orchard.study.spread import number_beyond, spread
 
+# Values of a key as a user names them, and the order in which they run. Only numbers that rise have
+# ends; None is a value of its own.
 PLACES = [
     ([1], [1]),
     ([2, 3, 4, 5, 6, 8], [2, 8, 4, 3, 5, 6]),
@@ -23,7 +29,7 @@ def test_the_ends_of_a_range_come_first(values: list, order: list) -> None:
 
 
 def test_corners_of_two_ranges_come_first_then_middles() -> None:
-    """The corners of two ranges come first and then the middles."""
+    """After the corners come the middles of the edges and the middle of all."""
     varied = {"pickers": [2, 3, 4, 5, 6, 7, 8], "carriers": [1, 2, 3, 4, 5]}
     settings = [dict(zip(varied, pair, strict=True)) for pair in product(*varied.values())]
     order = [tuple(settings[i].values()) for i in spread(varied, settings)]
@@ -42,6 +48,8 @@ def test_each_value_that_is_no_number_has_its_own_corners() -> None:
     assert first == [(name, n) for name in varied["dispatch"] for n in (1, 3)]
 
 
+# The values that were tried, the best of them, and the number beyond it; None: it is at no end of a
+# range, or no number.
 BEYOND = [
     ([1, 2], 2, 3),
     ([2, 3, 4, 5, 6, 8], 8, 9),

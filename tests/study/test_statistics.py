@@ -1,4 +1,10 @@
-"""Intervals and comparisons, against published figures and against truths that the test knows."""
+"""Intervals and comparisons, against published figures and against truths that the test knows.
+
+`compare` takes the results of each setting on the same seeds, the robots of each setting, whether
+more is better, the confidence, and what counts: a share, `WITHIN`. It finds the best setting: of
+those that are equal to the best mean, the one with the fewest robots. A setting is then best,
+"equal", "worse" or "unknown".
+"""
 
 from heapq import heapify, heappop, heappush
 from math import sqrt
@@ -12,20 +18,18 @@ from scipy import stats
 from orchard.field.repeatable import draw, exponential, normal
 from orchard.study.comparing import LOOKS, Comparison, compare, interval
 
-# NIST/SEMATECH e-Handbook, 1.3.5.2: heat flow meter, ZARR13.DAT: n 195, mean 9.261460, deviation
-# 0.022789, 95 %: 9.258242 to 9.264679
-
 
 def test_the_t_interval_is_that_of_the_nist_handbook() -> None:
-    values = np.linspace(-1.0, 1.0, 195)
-    values = 9.261460 + 0.022789 * (values - values.mean()) / values.std(
-        ddof=1
-    )  # any values with this mean and deviation
+    """NIST/SEMATECH e-Handbook, 1.3.5.2, heat flow meter (ZARR13.DAT): 195 values have the mean
+    9.261460 and the deviation 0.022789. Their interval of 95 % is 9.258242 to 9.264679.
+
+    Any values with this number, mean and deviation have it.
+    """
+    shape = np.linspace(-1.0, 1.0, 195)
+    values = 9.261460 + 0.022789 * (shape - shape.mean()) / shape.std(ddof=1)
     found = interval(list(values), 0.95)
-    assert (found.low, found.high) == (
-        pytest.approx(9.258242, abs=2e-6),
-        pytest.approx(9.264679, abs=2e-6),
-    )
+    assert found.low == pytest.approx(9.258242, abs=2e-6)
+    assert found.high == pytest.approx(9.264679, abs=2e-6)
 
 
 def test_of_one_value_or_equal_values_low_and_high_are_the_mean() -> None:
@@ -34,16 +38,22 @@ def test_of_one_value_or_equal_values_low_and_high_are_the_mean() -> None:
 
 
 STUDIES = 200
+# Of a result around its true mean, bins/h.
 DEVIATION = 0.8
-ALIKE = [60.0] * 12  # true means of settings of which the best is a matter of luck
+# True means of settings, bins/h, of which the best mean of a study is a matter of luck.
+ALIKE = [60.0] * 12
 WITHIN = 0.02
+# The true means of the kinds of studies: alike, one better by less than what counts, settings that
+# differ, and two that differ.
 KINDS = [ALIKE, [60.0, 60.0, 60.0, 60.4], [54.0, 57.0, 60.0, 60.5], [60.0, 64.0]]
 
 
 @pytest.fixture(scope="module")
 def studies() -> list[tuple[list[float], Comparison]]:
-    """200 small studies, whose results have a common and an own part: alike settings, one better by
-    a little, and settings that differ.
+    """Return 200 small studies: their true means, and what they found.
+
+    A result has a part that is common to all settings with the same seed, of 0.3 deviations, and a
+    part of its own, of 0.95: together their variance is 1 (0.3^2 + 0.95^2).
     """
 
     def of(number: int, means: list[float]) -> Comparison:
@@ -63,17 +73,18 @@ def studies() -> list[tuple[list[float], Comparison]]:
 
 
 def least(studies: int) -> int:
-    """Of so many intervals of 95 % fewer than this hold their truth by chance once in a thousand
-    times.
+    """Return how many of so many intervals of 95 % hold their truth at least.
+
+    Fewer do only once in a thousand times.
     """
     return int(stats.binom.ppf(0.001, studies, 0.95))
 
 
 def test_what_is_told_of_settings_is_true_of_all_together(studies: list) -> None:
-    """What is told of settings is true of all of them together.
+    """In 95 % of the studies all that is told of all settings is true together.
 
-    Nothing is called worse that is worth as much as the best, and nothing equal that is not,
-    though the best mean had luck.
+    No setting is called worse that is behind the best true mean by less than what counts, and none
+    equal that is behind by more, although the best mean had luck.
     """
     right = []
     for means, found in studies:
@@ -93,7 +104,9 @@ def test_what_is_told_of_settings_is_true_of_all_together(studies: list) -> None
 
 
 def test_most_studies_end_with_the_fewest_robots(studies: list) -> None:
-    """Most studies end with the setting that needs fewest robots."""
+    """At least 60 % of the studies decide. In 90 % of these the answer is the setting with the
+    fewest robots of those that are equal to the best: setting `fewest` of each kind.
+    """
     answers = {
         tuple(means): [found.best for one, found in studies if one == means and not found.undecided]
         for means in KINDS
@@ -104,8 +117,8 @@ def test_most_studies_end_with_the_fewest_robots(studies: list) -> None:
 
 
 def test_too_few_runs_are_no_equality() -> None:
-    """Two settings that are alike, as far as a run of each tells; and two whose interval is wider
-    than what is worth it.
+    """Two settings have a run each and are alike so far; two others have an interval that is wider
+    than what counts, 2 %. Neither pair is known to be equal. With five close runs each it is.
     """
     for samples in ([[60.0], [60.0]], [[60.0, 62.0, 58.0], [60.1, 58.0, 61.9]]):
         found = compare(dict(enumerate(samples)), {0: 1, 1: 2}, True, 0.95, 0.02)
@@ -127,12 +140,14 @@ def test_too_few_runs_are_no_equality() -> None:
     )
 
 
+# The runs of the best setting and of another one, the other's limit, whether more is better, the
+# best one's limit, and how the other one stands.
 LIMITED = [
-    # more bins an hour; one run of each
+    # The goal is more bins an hour, and the limit is far below the best.
     ([29.3], [17.2], 17.4, True, 0.0, "worse"),
-    # within what counts: the runs decide, and one of them cannot
+    # The limit is behind by less than what counts: the runs decide, and one run cannot.
     ([29.3], [28.9], 29.0, True, 0.0, "unknown"),
-    # least cost; the limit is the least that it can be
+    # The goal is the least cost, and the limit is the least that it can be.
     ([2.0], [2.9], 2.8, False, 1.0, "worse"),
     ([2.0], [2.9], 2.0, False, 1.0, "unknown"),
 ]
@@ -142,7 +157,9 @@ LIMITED = [
 def test_a_setting_whose_limit_is_behind_is_worse(
     best: list[float], other: list[float], limit: float, is_max: bool, own: float, standing: str
 ) -> None:
-    """Whatever its runs tell. The limit of the best itself says nothing of it, as 0 of 29.3."""
+    """It is worse whatever its runs tell. The limit of the best setting itself, `own`, does not
+    count, even if it makes no sense: 0 bins an hour beside 29.3.
+    """
     found = compare(
         {0: best, 1: other}, {0: 2, 1: 1}, is_max, 0.95, 0.02, limits={0: own, 1: limit}
     )
@@ -200,9 +217,10 @@ def test_a_setting_whose_limit_is_behind_is_never_the_answer() -> None:
 
 
 def test_a_setting_on_the_edge_does_not_run_for_ever() -> None:
-    """A setting on the edge of what is worth it does not take runs for ever.
+    """A setting that is behind by just what counts does not take runs for ever.
 
-    It is undecided until it is known to half of that, and is never said to be equal or worse.
+    It is undecided until its lead is known to half of what counts, and is never called equal or
+    worse.
     """
     five = {0: [61.2, 62.0, 60.6, 61.9, 60.3], 1: [60.0, 61.0, 59.0, 60.0, 60.0]}
     found = [
@@ -215,14 +233,16 @@ def test_a_setting_on_the_edge_does_not_run_for_ever() -> None:
     assert [one.standing(1) for one in found] == ["unknown", "unknown"]
 
 
-# Six machines and one repairman, M/M/1//6: each fails after 20 on average, and a repair takes 2. As
-# published: P0 0.4845, waiting 0.3297, down 0.8451, wait for the repairman 1.279. So 0.3297 / 1.279
-# are repaired in a unit of time (Little), and all run for 0.4845 of it.
+# Six machines and one repairman, the queue M/M/1//6: each machine fails after 20 units of time on
+# average, and a repair takes 2. Published figures: 0.3297 machines wait for the repairman on
+# average, for 1.279 units each. So by Little's law 0.3297 / 1.279 are repaired in a unit of time.
 MACHINES = 6
 RUNS = 20.0
 REPAIR = 2.0
 REPAIRED = 0.3297 / 1.279
 WAIT = 1.279
+# Studies of the shop, with so many replications each. The first part of a replication, until
+# WARM_UP, is left out, because all machines run at its beginning.
 SHOPS = 50
 REPLICATIONS = 5
 WARM_UP = 50.0
@@ -232,7 +252,8 @@ END = 250.0
 def shop(seed: int) -> tuple[float, float]:
     """Return what was repaired in a unit of time, and the mean wait for the repairman."""
     waits = list[float]()
-    # Of each machine when it fails, its name, and how often it has failed before.
+    # A heap with an entry for each machine: when it fails next, its name, and how often it has
+    # failed before.
     failures = []
     for number in range(MACHINES):
         name = f"machine {number}"
@@ -251,7 +272,9 @@ def shop(seed: int) -> tuple[float, float]:
 
 
 def test_intervals_hold_the_repairmans_published_figures() -> None:
-    """Intervals over replications hold the published figures of the repairman."""
+    """Of 50 studies at least as many intervals hold the published figures as 95 % confidence says;
+    and so does the interval of all replications together.
+    """
     shops = [shop(seed) for seed in range(SHOPS * REPLICATIONS)]
     for truth, values in zip((REPAIRED, WAIT), zip(*shops, strict=True), strict=True):
         all_of_them = interval(values, 0.999)
@@ -266,15 +289,17 @@ def test_intervals_hold_the_repairmans_published_figures() -> None:
         )
 
 
-# Five designs, of which the first is best: it has the least mean (Chen and Lee, Stochastic
-# Simulation Optimization, 2011).
+# Five designs with normal results, of which the first is best: it has the least mean. From Chen and
+# Lee, Stochastic Simulation Optimization, 2011. A comparison is asked ASKED times.
 MEANS = (1.2, 2.1, 3.4, 4.87, 6.05)
 VARIANCES = (3.3, 2.0, 4.5, 5.3, 6.9)
 ASKED = 100
 
 
 def test_a_comparison_finds_the_best_of_five_as_surely() -> None:
-    """A comparison finds the published best of five designs as surely as it says."""
+    """At 95 % confidence the best one is found in as many of 100 comparisons, and called worse in
+    no more than 5 %. It takes fewer than 80 replications on average.
+    """
     found = [
         compared(
             lambda i, seed, number=number: (

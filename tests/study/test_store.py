@@ -1,5 +1,8 @@
 """The store: what is there is not lost, not run again, and not mixed with other versions; no other
 file is touched.
+
+A store is a file of SQLite with the records of runs. The key of a record is a hash of all that
+decides the run: the scenario, the seed, the model, the version of the program, own classes.
 """
 
 import sqlite3
@@ -20,11 +23,13 @@ SCENARIO = Scenario(rows=3, people={"workers": 0, "visitors": 0}, animals={"dogs
 
 @pytest.fixture(scope="module")
 def record():
+    """Return the record of a run."""
     return PlannedRun(SCENARIO, "fast").do(time.time() + 100.0)
 
 
 @pytest.fixture
 def path(tmp_path, record):
+    """Return the file of a store that has the record."""
     with Store(tmp_path / "studies.db") as made:
         made.keep(record)
     return made.path
@@ -46,12 +51,16 @@ def test_a_run_is_kept_once_and_found_again(tmp_path, record):
 
 
 def test_many_keys_are_looked_up(path, record):
+    """SQLite takes a limited number of values in one question."""
     with Store(path) as many:
         assert list(many.known([*map(str, range(2000)), record.key])) == [record.key]
 
 
 def test_a_store_of_another_version_is_forgotten_if_asked(path, record, monkeypatch):
-    """A store of another version is named and forgotten only if asked."""
+    """A store of another version is refused by name. With --anew its runs are forgotten.
+
+    With --anew a store of the same version keeps its runs.
+    """
     monkeypatch.setattr(store, "software", lambda: "9.9.9+abc")
     with pytest.raises(
         StoreError,
@@ -63,7 +72,7 @@ def test_a_store_of_another_version_is_forgotten_if_asked(path, record, monkeypa
         Store(path)
     monkeypatch.undo()
     with Store(path, anew=True) as same:
-        assert same.known([record.key])  # of the same version: nothing to forget
+        assert same.known([record.key])
     monkeypatch.setattr(store, "software", lambda: "9.9.9+abc")
     with Store(path, anew=True) as other:
         assert other.known([record.key]) == {}
@@ -120,6 +129,7 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path):
 
 
 def test_the_key_holds_all_that_decides_and_nothing_else(tmp_path, monkeypatch):
+    """A price changes no run, so it is not in the key."""
     run = PlannedRun(SCENARIO, "fast")
     others = [
         PlannedRun(with_changes(SCENARIO, carriers=2), "fast"),
@@ -147,10 +157,10 @@ def test_the_key_holds_the_source_of_a_policy_of_the_users_own(tmp_path, monkeyp
 
 
 def test_the_key_holds_the_users_files_and_no_library(tmp_path, monkeypatch):
-    """The key holds the user's files that a policy imports and no library.
+    """The key holds the text of each file of the user that the policy imports, and no library.
 
-    However they are imported: with their package, by a relative path, one by the other, in a
-    function.
+    Files are imported with their package, by a relative path, one by the other, and in a function.
+    `plot_other.py` is imported by none.
     """
     monkeypatch.syspath_prepend(tmp_path)
     files = {
@@ -179,10 +189,8 @@ def test_the_key_holds_the_users_files_and_no_library(tmp_path, monkeypatch):
 
 
 def test_a_store_made_at_the_same_time_is_used(tmp_path, record, monkeypatch):
-    """A store that another study makes at the same time is used.
-
-    The other one makes it after this one has looked, and has kept a run before this one is
-    ready.
+    """Another study makes the same store after this one has seen that there is none, and keeps a
+    run before this one is ready. This one uses it.
     """
     path = tmp_path / "studies.db"
     other = []
@@ -200,6 +208,7 @@ def test_a_store_made_at_the_same_time_is_used(tmp_path, record, monkeypatch):
     assert [file.name for file in tmp_path.iterdir()] == ["studies.db"]
 
 
+# A change of a row of the store, by another program, and what is told of it.
 DAMAGES = [
     ("bins_per_hour = 'many'", "Expected `float`, got `str` - at `$.bins_per_hour`"),
     ("bins_per_hour = 9e999", "Expected `float` < 1000000000000.0 - at `$.bins_per_hour`"),

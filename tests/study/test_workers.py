@@ -1,4 +1,9 @@
-"""Workers do all work once, whatever dies, on two machines too; none outlives its parent."""
+"""Workers do all work once, whatever dies, on two machines too; none outlives its parent.
+
+Workers are processes that do the runs of a study: on this machine, or those of a scheduler of Dask.
+`workers.do(work, items, goes_on)` gives (item, result) of each item, while `goes_on()` is true. The
+functions of tests/study/work.py are the work.
+"""
 
 import json
 import os
@@ -25,8 +30,8 @@ from orchard.study.study import study
 from orchard.study.workers import WorkersError, processes, scheduled
 
 HERE = Path(__file__).parent
-# `double` kills its worker at 3 unless the file exists that it is given: so no worker dies with
-# this one.
+# A file that exists: `double` kills its worker at the number 3, unless the file that it is given
+# exists.
 NOBODY_DIES = Path(__file__)
 NUMBERS = list(range(12))
 
@@ -59,6 +64,7 @@ def test_a_worker_that_dies_between_rounds_is_replaced():
 
 
 def test_ctrl_c_at_the_terminal_is_the_parents():
+    """Workers block SIGINT, and the process that has started them does not."""
     with processes(1) as workers:
         assert [signals for _, signals in workers.do(blocked_signals, [1], always)] == [
             {signal.SIGINT}
@@ -86,10 +92,12 @@ def test_of_what_own_classes_print_some_harmless_lines_are_shown(capfd):
 
 
 def is_gone(pid: int) -> bool:
+    """Whether a process has ended."""
     return not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
 
 
 def eventually(holds) -> None:
+    """Wait until a condition holds."""
     end = time.monotonic() + PATIENCE
     while not holds():
         assert time.monotonic() < end, "it never came"
@@ -97,6 +105,7 @@ def eventually(holds) -> None:
 
 
 def test_stop_does_not_wait_for_long_work(tmp_path):
+    """`slow` writes the number of its process into a file, and then works for ever."""
     told = tmp_path / "pid"
     with processes(1) as workers:
         assert (
@@ -106,8 +115,8 @@ def test_stop_does_not_wait_for_long_work(tmp_path):
 
 
 def test_a_worker_that_is_killed_at_the_stop_is_no_failure(tmp_path, monkeypatch):
-    """Whoever stops a study may end its workers too. The thread of Python's pool fails then if work
-    is left that was cancelled.
+    """A person who stops a study may end its workers too. The thread of Python's pool then fails,
+    if work is left that was cancelled.
     """
     failures = []
     monkeypatch.setattr(threading, "excepthook", failures.append)
@@ -143,7 +152,7 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path):
 
 
 def dask_process(module: str, *arguments: object, before: tuple[str, ...] = ()) -> subprocess.Popen:
-    """One of dask's programs, on one machine of the test."""
+    """Start one of Dask's programs. `before`: words that start it on another machine."""
     environment = os.environ | {
         "PYTHONPATH": os.pathsep.join(
             [str(HERE.parent.parent), str(HERE), str(HERE.parent / "support")]
@@ -198,11 +207,12 @@ def test_a_scheduler_gives_the_same_table_after_a_death(tmp_path, monkeypatch):
                 workers.do(double, [(number, tmp_path / "died") for number in NUMBERS], always)
             )
         assert sorted(result for _, result in done) == [2 * number for number in NUMBERS]
-        assert workers_at(address) == 1  # the other one died
+        assert workers_at(address) == 1, "the other one died"
         there = study(
             scenario, varied, StudyOptions(**common, scheduler=address, store=tmp_path / "there.db")
         )
-        monkeypatch.setattr("orchard.study.workers.APART", -600.0)  # so no two clocks agree
+        # Clocks may be less than this apart: so no two clocks agree.
+        monkeypatch.setattr("orchard.study.workers.APART", -600.0)
         clocks = (
             r"clocks of workers differ from that of this machine: tcp://\S+ by [+-]0 s; set them"
         )
@@ -213,11 +223,13 @@ def test_a_scheduler_gives_the_same_table_after_a_death(tmp_path, monkeypatch):
 
 
 def address_in(file: Path) -> str:
+    """Return the address of the scheduler, once it has written its file."""
     eventually(lambda: file.exists() and file.read_text().endswith("}"))
     return json.loads(file.read_text())["address"]
 
 
 def workers_at(address: str) -> int:
+    """Return how many workers a scheduler has."""
     try:
         with scheduled(address) as workers:
             return workers.count

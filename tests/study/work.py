@@ -6,9 +6,9 @@ from pathlib import Path
 
 
 def double(item: tuple[int, Path]) -> int:
-    """Twice a number. The worker that gets 3 dies of it, once.
+    """Return twice a number. The worker that gets 3 kills itself, once.
 
-    `item`: the number, and the file that exists once a worker has died.
+    `item`: the number, and a file that exists once a worker has died.
     """
     number, marker = item
     if number == 3 and not marker.exists():
@@ -18,11 +18,13 @@ def double(item: tuple[int, Path]) -> int:
 
 
 def deadly(item: int) -> int:
+    """Kill the worker, each time."""
     os.kill(os.getpid(), signal.SIGKILL)
     return item
 
 
 def faulty(item: int) -> int:
+    """Raise an error."""
     raise LookupError(f"no {item}")
 
 
@@ -33,10 +35,11 @@ def loud(item: str) -> None:
 
 
 def slow(item: Path) -> None:
-    """Tell which process works, and work for a long time."""
+    """Write which process works into a file, and work for ever."""
     item.write_text(str(os.getpid()))
     signal.pause()
 
 
 def blocked_signals(_) -> set[int]:
+    """Return the signals that the process blocks."""
     return signal.pthread_sigmask(signal.SIG_BLOCK, set())

@@ -1,4 +1,9 @@
-"""The benchmark of dispatch policies: its orchards, its scores, and what its command says."""
+"""The benchmark of dispatch policies: its orchards, its scores, and what its command says.
+
+The benchmark is a set of public orchards. A score is the time that is proven possible, as a share
+of the time that a policy takes. A submission is a file with the decisions of a policy, which others
+replay. docs/benchmark.md explains all of it.
+"""
 
 import json
 import os
@@ -32,17 +37,20 @@ POLICY = "own_policies.FarthestOfMine"
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory):
-    """The harvests of the built-in policies and the bounds, which each of these tests needs: all
-    workers of the tests share them.
+    """Return the file of the harvests of the built-in policies, and of the bounds.
+
+    Each of these tests needs them. All processes of pytest share the file: each has a folder of its
+    own in a common one.
     """
     folder = tmp_path_factory.getbasetemp()
-    return (folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder) / "benchmark.db"
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    return folder / "benchmark.db"
 
 
 def carried_out(command, folder, store):
-    """Carry out a command of the document, with an orchard or two in place of all.
-
-    Return what it said.
+    """Carry out a command of the document, with a policy of the tests, and one orchard in place of
+    all unless the command names some. Return what it prints.
     """
     _, *words = (
         command.replace("my_policy.MyPolicy", POLICY)
@@ -75,11 +83,10 @@ def test_the_commands_of_the_document_compare_a_policy(tmp_path, store):
         rf"{POLICY} has {score} % of what is proven possible; the best is {best}", said
     )
     assert re.search(rf"^ *small-slow-test( +\d+\.\d){{{1 + len(found['scores'])}}}$", said, re.M)
+    # The store has all harvests now, so the same result comes from workers that cannot work.
     known = {name: instances()[name] for name in ("small-fast-test", "small-slow-test")}
     with Store(store) as opened:
-        again = Benchmark(
-            POLICY, known, opened, Workers(lambda: None, 1)
-        ).run()  # none of these workers can work
+        again = Benchmark(POLICY, known, opened, Workers(lambda: None, 1)).run()
     assert again is not None and asdict(again) == found
 
     checked = carried_out(check, tmp_path, store)
@@ -185,6 +192,7 @@ def test_a_benchmark_names_the_file_that_fits_on_no_disk(monkeypatch, capfd, tmp
 
 
 def test_a_carrier_that_failed_beside_its_line_leaves_it():
+    """Carriers behind it once waited for it for ever, in this orchard."""
     failing = {"failure": {"mean_between": 600.0, "mean_repair": 120.0}}
     scenario = Scenario(
         rows=20,
@@ -204,7 +212,7 @@ def test_a_carrier_that_failed_beside_its_line_leaves_it():
     )
     nobody = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}}
     layout = lay_out(with_changes(scenario, **nobody))
-    assert DiscreteHarvest(layout).run().is_over  # those behind it waited for it for ever
+    assert DiscreteHarvest(layout).run().is_over
 
 
 def test_a_submission_is_verified_without_its_policy(store, tmp_path):
@@ -226,6 +234,8 @@ def test_a_submission_is_verified_without_its_policy(store, tmp_path):
         re.S,
     )
 
+    # What is wrong in a forged submission, and the fields of its first harvest that are changed. An
+    # order is (tick, bin, carrier, picker).
     first = written["harvests"][0]
     faults = {
         "its hash is not that of its content": {},
@@ -285,7 +295,7 @@ def test_two_policies_of_ones_own_are_compared_by_seeds(store, tmp_path):
 
 
 def test_harvests_that_a_submission_repeats_are_not_replayed(monkeypatch):
-    """A file of a thousand would hold for hours who verifies it."""
+    """To replay a file of a thousand repetitions would take hours. So none is replayed here."""
     monkeypatch.setattr(submission, "replayed", None)
     known = {"tiny-test": instances()["tiny-test"]}
     (draw,) = known["tiny-test"].draws
@@ -297,6 +307,9 @@ def test_harvests_that_a_submission_repeats_are_not_replayed(monkeypatch):
 
 
 def test_a_builtin_policy_is_submitted_as_it_is_scored(tmp_path):
+    """A standard error is that of the difference to the policy that was asked about: to itself it
+    has none.
+    """
     known = {name: instances()[name] for name in ("small-fast-test", "small-failures-test")}
     with Store(tmp_path / "built-in.db") as opened, processes(1) as workers:
         benchmark = Benchmark("predictive", known, opened, workers)
@@ -328,7 +341,10 @@ def test_options_that_cannot_be_are_refused(words, said):
 
 
 def test_an_orchard_that_no_secret_draws_is_refused(tmp_path, monkeypatch):
-    """At once: bounds are proven of the orchards only that are wanted, and of none here."""
+    """It is refused before a bound is proven: bounds are proven only of orchards that are wanted.
+
+    A secret of an organiser draws orchards that nobody knows, whose names end in -hidden.
+    """
     secret = tmp_path / "secret.txt"
     secret.write_text("0123456789abcdef0123456789abcdef")
     monkeypatch.setattr(benchmark_command, "hidden_instances", None)

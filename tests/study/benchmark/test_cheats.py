@@ -1,4 +1,9 @@
-"""Policies that cheat, and what happens to each: docs/benchmark.md lists them."""
+"""Policies that cheat, and what happens to each: docs/benchmark.md lists them.
+
+A policy of a user runs in a process of its own, `PolicyProcess`, which must not know what the seed
+draws: speeds, failures, people. Each class of tests/support/cheating_policies.py tries to find it,
+and raises `Found` with what it has found.
+"""
 
 import os
 import re
@@ -28,7 +33,7 @@ from orchard.study.benchmark.play import Played, play
 from orchard.study.benchmark.scores import Harvests, ShorterThanProven
 from orchard.study.benchmark.seen import HiddenFromPolicy, layout_seen, nothing_drawn
 
-# A busy machine reaches none of these.
+# Limits that no policy reaches on a busy machine, s.
 PATIENT = Limits(decision_seconds=120.0, begin_seconds=300.0)
 # Everything that the seed can draw is drawn.
 DRAWN = with_changes(
@@ -46,6 +51,7 @@ DRAWN = with_changes(
 
 
 def played(policy: str, scenario: Scenario = DRAWN, limits: Limits = PATIENT) -> Played:
+    """Let a policy of cheating_policies decide a harvest, in a process of its own."""
     with PolicyProcess(f"cheating_policies.{policy}", limits) as process:
         is_early = process.begin(scenario)
         harvest = play(lay_out(scenario), is_early, process.orders)
@@ -113,9 +119,10 @@ def test_no_object_of_a_policys_process_has_the_seed():
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems ask no capability")
 def test_a_policy_opens_neither_memory_nor_environment_above():
-    """It may look into the process that forked it, which knows no more than it does.
+    """Of the processes above its own it lists each whose memory or environment it can open.
 
-    What stands above the benchmark, as the shell, is not the benchmark's.
+    It may look into the process that forked it, which knows no more than it does, and not into the
+    benchmark. The shell from which the benchmark was started is no part of the benchmark.
     """
     with pytest.raises(PolicyFault) as caught:
         played("MemoryReader")
@@ -125,7 +132,9 @@ def test_a_policy_opens_neither_memory_nor_environment_above():
 
 
 def test_a_table_of_answers_knows_public_orchards_only():
-    """That cannot be prevented: so the command says which orchards are public."""
+    """A policy may know the best schedules of public orchards by heart. That cannot be prevented,
+    so the command says which orchards are public.
+    """
     public = instances()["load-out-test"]
     seconds = played("Librarian", public.whole_scenario).seconds
     assert seconds == pytest.approx(public.draws[0].best.seconds)
@@ -156,14 +165,19 @@ def test_a_policy_cannot_read_the_secret(tmp_path, monkeypatch):
 
 @pytest.mark.skipif(not can_keep_signals_in(), reason="this system cannot keep signals in")
 def test_a_policy_cannot_stop_the_benchmark():
-    """It would think for longer, while the clock of the decision is not looked at."""
+    """While the benchmark is stopped (SIGSTOP) it does not look at the clock, and the policy could
+    think for longer.
+    """
     wanted = r"Stopper, tick \d+: PermissionError: .*Operation not permitted"
     with pytest.raises(PolicyFault, match=wanted):
         played("Stopper")
 
 
 def test_an_answer_that_was_read_late_is_too_slow(monkeypatch):
-    """The benchmark itself may have been stopped while it waited for the answer."""
+    """The benchmark itself may have been stopped while it waited for the answer.
+
+    Here the clock jumps by 1,000 s in that time, and the answer is there.
+    """
     late = []
     monotonic = time.monotonic
     monkeypatch.setattr(time, "monotonic", lambda: monotonic() + 1000.0 * len(late))
@@ -182,6 +196,7 @@ def test_an_answer_that_was_read_late_is_too_slow(monkeypatch):
 
 
 def _name_of(pid: int) -> str:
+    """Return the name of a process, as Linux has it."""
     with open(f"/proc/{pid}/comm", encoding="utf-8") as file:
         return file.read().strip()
 
@@ -200,7 +215,7 @@ def test_a_decision_that_takes_too_long_ends_the_harvest(cheat):
         played(cheat, limits=limits)
 
 
-# More than a pipe takes.
+# So many reports of bins that a pipe does not take the question with them.
 MANY = [BinReport("bin_01", 1, "west", "picker_01", 0, 30.0)] * 5000
 
 

@@ -1,4 +1,9 @@
-"""The files of the benchmark: they say what the orchards are, and their schedules hold."""
+"""The files of the benchmark: they say what the orchards are, and their schedules hold.
+
+An instance is an orchard of the benchmark, in a JSON file. It has one or more draws: what a seed
+draws, the time that is proven possible, and the best known schedule. Instances are drawn from a
+secret: that of the splits `train` and `test` is public, that of `hidden` is an organiser's.
+"""
 
 import json
 from importlib.resources import files
@@ -28,8 +33,8 @@ from orchard.study.workers import Workers
 FOLDER = Path(str(files("orchard.study.benchmark"))) / SET
 MEASURED = Path(__file__).parents[3] / "docs" / "benchmark.json"
 KNOWN = instances()
-# In these nobody is in a robot's way, and robots do nothing but harvest: so a file tells all that
-# happens.
+# Orchards in which nobody is in a robot's way, and robots neither fail nor charge: so a file tells
+# all that happens.
 SIMPLE = []
 for known in KNOWN.values():
     has_guests = bool(known.scenario["people"]["workers"])
@@ -88,7 +93,9 @@ def test_a_bound_of_a_small_orchard_is_proven_again(name):
 
 
 def test_a_search_finds_what_beats_a_poor_schedule():
-    """What it finds takes what it says. The best of all orders is not replaced."""
+    """A schedule that is the best of all orders is not replaced. One that is 20 s slower is, by one
+    that takes as long as its file says. 3 is the number of changes that are tried.
+    """
     known = KNOWN["tiny-test"]
     (draw,) = known.draws
     assert searched(known, 3) == known
@@ -102,13 +109,16 @@ def test_a_search_finds_what_beats_a_poor_schedule():
 
 @pytest.mark.parametrize("name", SIMPLE)
 def test_another_program_computes_how_long_a_schedule_takes(name):
-    """From the JSON alone, within 2 %: it knows no queue behind a carrier that waits."""
+    """tests/support/second_reader.py reads the JSON alone. It is right within 2 %: it knows no
+    queue behind a carrier that waits.
+    """
     for number, draw in enumerate(KNOWN[name].draws):
         seconds = second_reader.seconds_of(FOLDER / f"{name}.json", number)
         assert seconds == pytest.approx(draw.best.seconds, rel=0.02)
 
 
 def test_readers_of_json_have_all_its_numbers():
+    """Programs that read numbers of JSON as float 64 have whole numbers below 2^53 exactly."""
     for name in KNOWN:
         text = (FOLDER / f"{name}.json").read_text()
         assert all(draw["seed"] < 2**53 for draw in json.loads(text)["draws"])
@@ -134,7 +144,7 @@ TYING = (b"secret number 0 of the test", "load-out-hidden")
 
 
 def test_a_hidden_orchard_in_which_all_tie_is_drawn_again():
-    """It would tell nothing. Who has the secret draws the same again, and is told."""
+    """It would tell nothing. Whoever has the secret draws the same again, and is told of it."""
     secret, name = TYING
     assert not separates_policies(check(scenarios_of("hidden", secret)[name], name))
     told = []
@@ -156,6 +166,8 @@ def test_the_hidden_split_has_bounds_where_wanted():
     """To prove them all takes minutes: no orchard is proven that nobody asks for."""
 
     class Here(Workers):
+        """Workers that do all work in this process."""
+
         def __init__(self):
             pass
 

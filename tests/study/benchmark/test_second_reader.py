@@ -28,7 +28,8 @@ SMALL = NOBODY | {
 }
 FAR = {"metres": 400.0, "speed": 4.0, "seconds": 60.0}
 TWO_TRAILERS = {"load_out": FAR | {"trailers": {"count": 2, "bins": 2}}}
-# What an orchard has, where robots wait in it, and for how many s at least.
+# What differs from SMALL, and at which places robots wait in it, for how many s at least. A place
+# is a trailer, the bay, a lane's place on a road ("west/F/4"), or a carrier's stop at a picker.
 WAITS = {
     "one trailer of one bin": (
         {"load_out": FAR | {"trailers": {"count": 1, "bins": 1}}},
@@ -70,7 +71,11 @@ WAITS = {
 
 @pytest.mark.parametrize("name", WAITS)
 def test_another_program_lets_robots_wait_as_the_model(name):
-    """Its harvest is as long as that of the event model, within 1 %."""
+    """Its harvest is as long as that of the event model, within 1 %.
+
+    The file has no real bound, so 1 s stands for it. If robots waited for less than WAITS says, the
+    orchard would not show what it is made for.
+    """
     more, waits = WAITS[name]
     scenario = check(SMALL | more, name)
     played = built_in_harvest(lay_out(scenario), "predictive")

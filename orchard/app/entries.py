@@ -40,6 +40,8 @@ LABELS = {
     "picking.spread.cv": "Deviation of times",
     "picking.spread_of_pickers.distribution": "Spread of pickers",
     "picking.spread_of_pickers.cv": "Deviation of pickers",
+    "picking.spread_of_bins.distribution": "Spread of bins",
+    "picking.spread_of_bins.cv": "Deviation of bins",
     "picking.failure.mean_between": "Time between failures",
     "picking.failure.mean_repair": "Time of a repair",
     "carrying.failure.mean_between": "Time between carriers' failures",

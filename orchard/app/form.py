@@ -53,6 +53,8 @@ FOR_EXPERTS = {
         "picking.spread.cv",
         "picking.spread_of_pickers.distribution",
         "picking.spread_of_pickers.cv",
+        "picking.spread_of_bins.distribution",
+        "picking.spread_of_bins.cv",
         "picking.failure.mean_between",
         "picking.failure.mean_repair",
     ),

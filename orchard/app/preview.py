@@ -52,8 +52,7 @@ def figures(layout: Layout, limit: Bounds) -> list[Figure]:
 def _limit_figure(layout: Layout, limit: Bounds) -> Figure:
     meaning = "what this policy allows in a long harvest without traffic"
     # With a spread each seed draws other times for the rows.
-    picking = layout.scenario.picking
-    if {picking.spread.distribution, picking.spread_of_pickers.distribution} != {"none"}:
+    if layout.scenario.picking.is_drawn:
         meaning += ", in rows that take their mean times"
     return "Limit", f"{limit.bins_per_hour:.1f} bins/h", meaning
 

@@ -133,7 +133,9 @@ def _courses_of(geometry: Geometry) -> dict[str, list[JobCourse]]:
     lanes = []
     for lane in layout.lanes:
         lanes.append(replace(lane, picking_speed=layout.scenario.mean_picking_speed))
-    jobs = jobs_of(replace(layout, lanes=tuple(lanes)))
+    scenario = layout.scenario
+    in_mean_times = scenario.model_copy(update={"picking": scenario.picking.in_mean_times})
+    jobs = jobs_of(replace(layout, scenario=in_mean_times, lanes=tuple(lanes)))
     headway = round(HEADWAY / layout.machines["carrier"].speed / TIME_STEP)
     courses = {}
     for picker, of_picker in groupby(jobs, lambda job: job.picker):

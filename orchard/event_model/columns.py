@@ -385,7 +385,7 @@ class Model(NamedTuple):
     jobs: Any
     # The same shape: m by road from the line's head.
     ways: Any
-    # (rows,) m/s at which each is picked.
+    # (passes,) m/s at which pickers pick on each.
     speeds: Any
     # (r, draws) of each robot, its failures in order.
     failures: Any

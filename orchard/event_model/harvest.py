@@ -60,7 +60,8 @@ class EventHarvest:
         self.names = prepared.names
         self.bin_names = prepared.bin_names
         own = {name: getattr(prepared.model, name).copy() for name in STATE}
-        own["speeds"] = np.array([lane.picking_speed for lane in layout.lanes])
+        of_rows = np.array([lane.picking_speed for lane in layout.lanes])
+        own["speeds"] = prepared.program.speeds(layout.scenario, of_rows)
         self._drawn = FIRST
         # The layout whose seed decides which people and animals robots meet.
         self._met_in = layout

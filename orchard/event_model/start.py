@@ -81,7 +81,7 @@ def _prepared(geometry: Geometry) -> Prepared:
 def _initial(
     layout: Layout, program: Program, starts: Sequence[Start], bin_names: list[str]
 ) -> columns.Model:
-    """Return a model at the start of a harvest, without the speeds of rows and without a log."""
+    """Return a model at the start of a harvest, without the speeds of passes and without a log."""
     count = len(starts)
     load_out = layout.scenario.load_out
     bins = np.zeros(len(bin_names), columns.BIN).view(np.recarray)
@@ -110,7 +110,7 @@ def _initial(
         ends=program.ends,
         jobs=program.jobs,
         ways=program.ways,
-        speeds=np.zeros(len(layout.lanes)),
+        speeds=np.zeros(len(program.passes)),
         **draws(layout, [start.name for start in starts], 0, None),
         absences=_absences(layout, [start.name for start in starts]),
         robots=_robots(program, starts, bin_names),

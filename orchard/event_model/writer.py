@@ -105,21 +105,21 @@ def unloads_from(step: st.DriveTo, sign: int) -> float:
 
 
 def pace(step: st.DriveTo, writer: Writer, layout: Layout) -> dict[str, Any]:
-    """Return the columns of a drive that tell how fast it is: at a speed, or as a row is picked."""
-    row = _picked_row(step, writer, layout)
-    if row is None:
+    """Return the columns of a drive that tell how fast it is: at a speed, or as on a pass."""
+    number = _picking_pass(step, writer, layout)
+    if number is None:
         return {"speed": step.speed_of(writer.machine), "arg": c.NONE}
-    return {"speed": 0.0, "arg": row}
+    return {"speed": 0.0, "arg": number}
 
 
-def _picked_row(step: st.DriveTo, writer: Writer, layout: Layout) -> int | None:
-    """Return the row, from 0, at the speed of which a drive picks; None if it picks nothing."""
+def _picking_pass(step: st.DriveTo, writer: Writer, layout: Layout) -> int | None:
+    """Return the number of the pass on which a drive picks; None if it picks nothing."""
     if writer.state != "picking" or not writer.passes:
         return None
-    _, drive = writer.passes[0]
-    if step.speed != layout.lane(drive.row).picking_speed:
+    number, current = writer.passes[0]
+    if step.speed != layout.speed_on(current):
         return None
-    return drive.row - 1
+    return number
 
 
 def seen(writer: Writer, layout: Layout, route: OneWay) -> dict[str, Any]:

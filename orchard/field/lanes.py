@@ -48,7 +48,7 @@ class Lane:
     number: int
     #: y of its centre line, m.
     y: float
-    #: m/s, from end to end.
+    #: m/s, from end to end; the bins of a row may be picked faster or slower.
     picking_speed: float
     #: x of the west end of its picked part, m.
     west: float

@@ -18,8 +18,8 @@ from orchard.field.geometry import EAST, WEST, Pose, Rect
 from orchard.field.kinds import KINDS, Kind, name_of
 from orchard.field.lanes import ROW_WEST, Lane, TreeLine, alike, surveyed
 from orchard.field.machines import Machine, machine_of
-from orchard.field.passes import Pass, passes_in
-from orchard.field.picking import picking_speed_of
+from orchard.field.passes import UNKNOWN, Pass, passes_in
+from orchard.field.picking import bin_speed_of, picking_speed_of
 from orchard.field.placement import Start, guests
 from orchard.field.plugins import load_plugin
 from orchard.field.problems import Problem, ScenarioError
@@ -332,13 +332,32 @@ class Layout:
             return self.row_east - lane.east
         return lane.west - ROW_WEST
 
+    def speed_on(self, current: Pass) -> float:
+        """Return the speed at which a picker picks on one of its passes, m/s."""
+        of_row = self.lane(current.row).picking_speed
+        if current.bin_number == UNKNOWN:
+            return of_row
+        picker = self.picker_of(current.row)
+        return bin_speed_of(self.scenario, picker, current.bin_number, of_row)
+
     def picking_seconds(self, row: int, metres: float) -> float:
-        """Return the time that a picker needs for some metres of a row, s.
+        """Return the mean time that a picker needs for some metres of a row, s.
 
         It includes the mean time for which the picker stands because it failed.
         """
-        failure = self.scenario.picking.failure
-        return metres / self.lane(row).picking_speed * (1.0 + failure.share)
+        return metres / self.lane(row).picking_speed * self._with_failures
+
+    def seconds_on(self, current: Pass) -> float:
+        """Return the time for which a picker works on one of its passes, s.
+
+        It has the mean time for which the picker stands because it failed.
+        """
+        return current.metres / self.speed_on(current) * self._with_failures
+
+    @property
+    def _with_failures(self) -> float:
+        """How many times as long picking takes with failures."""
+        return 1.0 + self.scenario.picking.failure.share
 
 
 def lay_out(scenario: Scenario) -> Layout:

@@ -17,6 +17,8 @@ from orchard.field.scenario import ONWARD, OUTWARD, Scenario
 
 # m. A bin that lacks at most this is full; a row of which at most this is left is picked.
 FULL_WITHIN = 1e-6
+# The number of a bin of which fleet control decides where it is left.
+UNKNOWN = 0
 _OTHER: dict[End, End] = {"west": "east", "east": "west"}
 
 Order = Callable[[float, float, float], float]
@@ -55,6 +57,8 @@ class Pass(NamedTuple):
     row: int
     # The end at which the picker leaves the row.
     end: End
+    # Which of its picker's bins it fills, from 1, or UNKNOWN.
+    bin_number: int
     # x at which it begins to pick, and x at which it has picked its part.
     begin: float
     stop: float
@@ -166,6 +170,7 @@ def passes_of(
     # The end at which the next pass leaves its row.
     end = _OTHER[block.start]
     bin_ = Filling.empty(metres_per_bin or 0.0)
+    bin_number = 1
     for count, row in enumerate(block.rows, start=1):
         unpicked = Unpicked(*rows[row - 1])
         if not metres_per_bin:
@@ -186,6 +191,7 @@ def passes_of(
                 Pass(
                     row=row,
                     end=end,
+                    bin_number=bin_number,
                     begin=begin,
                     stop=stop,
                     is_inside=begin != first,
@@ -198,6 +204,7 @@ def passes_of(
             end = _OTHER[end]
             if bin_.is_full:
                 bin_ = Filling.empty(bin_.capacity)
+                bin_number += 1
     return passes
 
 

@@ -4,7 +4,8 @@ its repair takes. All of it is drawn by the seed.
 The time to pick a row has two parts: the time to drive along it at top speed, which is certain, and
 the rest, which is drawn. So no row is picked faster than a picker can drive, and mean and deviation
 of the whole time are exactly those that the scenario names. Pickers differ in the same way: a mean
-is drawn for each picker, and its rows are drawn about that mean.
+is drawn for each picker, and its rows are drawn about that mean. So are bins, about the time of
+their row.
 """
 
 import math
@@ -35,6 +36,14 @@ def picker_speed_of(scenario: Scenario, picker: str) -> float:
     return _slowed(scenario, scenario.picking.spread_of_pickers, picker, mean)
 
 
+def bin_speed_of(scenario: Scenario, picker: str, number: int, of_row: float) -> float:
+    """Return the speed at which a picker picks while it fills a bin, m/s.
+
+    `number`: which of its bins, from 1. `of_row`: the speed at which the row is picked, m/s.
+    """
+    return _slowed(scenario, scenario.picking.spread_of_bins, f"bin {number} of {picker}", of_row)
+
+
 def absences_of(scenario: Scenario, robot: str) -> Absences:
     """Return when a robot is away, s since the harvest began."""
     absences = scenario.picker_absences.get(robot, ())
@@ -42,7 +51,7 @@ def absences_of(scenario: Scenario, robot: str) -> Absences:
 
 
 def _slowed(scenario: Scenario, spread: Spread, what: str, mean: float) -> float:
-    """Return the speed of a row or of a picker, m/s, drawn by the seed about a mean.
+    """Return the speed of a row, a picker or a bin, m/s, drawn by the seed about a mean.
 
     `what`: the name under which it is drawn, such as "row 3". `mean`: m/s. The spread is that of a
     picker of mean speed, also for a picker that is faster or slower.

@@ -112,7 +112,7 @@ class PickerWays(RoadPlaces):
         side = self.sides[current.end]
         opposite = self.opposite(side)
         end = self.end(row, side)
-        speed = self.layout.lane(row).picking_speed
+        speed = self.layout.speed_on(current)
         frees: list[Gate] = []
         if came_over or self._is_swept(row, opposite):
             frees = self.cleared(row, opposite)

@@ -248,8 +248,8 @@ def _times_of_pass(route: OneWay, leaves_early: bool, current: Pass, after: Pass
     lane = layout.lane(current.row)
     plan = plan_of_pass(route, current, after)
     # In the plan the picked part is a drive without stops. It is taken out, and picking put in.
-    driving = current.metres / lane.picking_speed
-    picking = layout.picking_seconds(current.row, current.metres)
+    driving = current.metres / layout.speed_on(current)
+    picking = layout.seconds_on(current)
     beside_picking = plan[-1].ends - driving
     # The driving that exchanges inside rows would save: if the pass picks the rest of its row, that
     # through the part that was picked before; else all driving beside picking.

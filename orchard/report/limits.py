@@ -19,7 +19,7 @@ from functools import lru_cache
 
 from orchard.field.layout import KEPT_LAYOUTS, Layout, lay_out
 from orchard.field.passes import FULL_WITHIN
-from orchard.field.scenario import Scenario, Spread
+from orchard.field.scenario import Scenario
 from orchard.report.bounds import Bounds
 
 # Seeds of scenarios are 0 to SEEDS - 1.
@@ -44,9 +44,7 @@ def limit_of_question(scenario: Scenario) -> Bounds:
 
 def in_mean_rows(scenario: Scenario) -> Scenario:
     """Return the scenario with pickers and rows that take their mean times, whatever its seed."""
-    picking = scenario.picking.model_copy(
-        update={"spread": Spread(), "spread_of_pickers": Spread()}
-    )
+    picking = scenario.picking.in_mean_times
     return with_seed(scenario, LIMIT_SEED).model_copy(update={"picking": picking})
 
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from orchard.contract.messages import BinState, StateRequest
 from orchard.field.layout import Layout
-from orchard.field.passes import Pass
+from orchard.field.passes import UNKNOWN, Pass
 from orchard.plans.robot import PlanExecutor, Step
 from orchard.plans.route import OneWay, Side
 from orchard.plans.routes import route_of
@@ -137,6 +137,7 @@ def pass_at(
     return Pass(
         row=row,
         end="east" if side.sign > 0 else "west",
+        bin_number=UNKNOWN,
         begin=begin,
         stop=stop,
         is_inside=False,

@@ -13,6 +13,7 @@ from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.sim.kernels.boxes import RADIUS, boxes_of
 from orchard.sim.kernels.grid import Grid, frame_of, grid_of, space_for
 from orchard.sim.kernels.move import ANYWHERE, NONE, full_bins, picked_metres
+from orchard.sim.stretches import stretches_of
 
 # m: the smallest side of a cell in the grid of bodies. Smaller cells cost more time than they save.
 CELL = 10.0
@@ -49,8 +50,10 @@ class Fixed(NamedTuple):
     row_length: np.ndarray
     # (r,) m: the lanes' centre lines.
     row_y: np.ndarray
-    # (r,) m/s: the picking speeds.
-    row_speed: np.ndarray
+    # How fast each part of a row is picked: see Stretches.
+    stretch_begin: np.ndarray
+    stretch_east: np.ndarray
+    stretch_speed: np.ndarray
     # (w, 7): the boxes of fences, trunks and posts.
     walls: np.ndarray
     # The Grid of the walls that a body in each cell could touch.
@@ -119,6 +122,7 @@ def fixed_of(layout: Layout) -> Fixed:
     walls = boxes_of(layout.walls[:, :2], layout.walls[:, 2:])
     walls_in_touch = _grid(walls.tobytes(), radius)
     lanes = layout.lanes
+    stretches = stretches_of(layout)
     row_length = _array_of(lanes, "length")
     if layout.scenario.bin_metres:
         bin_least = FULL_WITHIN
@@ -140,7 +144,9 @@ def fixed_of(layout: Layout) -> Fixed:
         row_west=_array_of(lanes, "west"),
         row_length=row_length,
         row_y=_array_of(lanes, "y"),
-        row_speed=_array_of(lanes, "picking_speed"),
+        stretch_begin=stretches.begin,
+        stretch_east=stretches.east,
+        stretch_speed=stretches.speed,
         walls=walls,
         wall_frame=walls_in_touch.frame,
         wall_begin=walls_in_touch.begin,

@@ -302,7 +302,7 @@ def _pickers_are_drawn(scenario: Scenario) -> bool:
 
 def _rows_are_drawn(scenario: Scenario) -> bool:
     """Whether the seed decides how long a row takes."""
-    return scenario.picking.spread.distribution != "none" or _pickers_are_drawn(scenario)
+    return scenario.picking.is_drawn
 
 
 def _first(crews: Sequence[Crew], is_met: Callable[[Crew], bool]) -> int:

@@ -10,6 +10,7 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
+from orchard.field.scenario.sections import SPREADS
 from orchard.report.costs import PAYMENTS
 from orchard.study.result import Interval, Model, Row, Standing, StudyResult
 from orchard.study.words import (
@@ -268,10 +269,10 @@ def as_table(result: StudyResult) -> Table:
 
 
 def _are_speeds_drawn(result: StudyResult) -> bool:
-    """Whether the seed draws in some settings how fast rows or pickers are."""
+    """Whether the seed draws in some settings how fast rows, pickers or bins are."""
     picking = result.scenario.get("picking", {})
     distributions = set[str]()
-    for name in ("spread", "spread_of_pickers"):
+    for name in SPREADS:
         distributions.add(picking.get(name, {}).get("distribution", "none"))
         distributions.update(result.varied.get(f"picking.{name}.distribution", []))
     return distributions != {"none"}

@@ -21,9 +21,10 @@ from orchard.plans.steps import Fill
 LAYOUTS = list(quiet_layouts(seed=1, count=20))
 
 
-def speeds_of(layout: Layout) -> np.ndarray:
-    """Return the picking speed of each row, (rows,) m/s."""
-    return np.array([lane.picking_speed for lane in layout.lanes])
+def speeds_of(program: Program, layout: Layout) -> np.ndarray:
+    """Return the speeds at which pickers pick on each pass, m/s."""
+    of_rows = np.array([lane.picking_speed for lane in layout.lanes])
+    return program.speeds(layout.scenario, of_rows)
 
 
 @pytest.mark.parametrize("layout", LAYOUTS, ids=range(len(LAYOUTS)))
@@ -34,7 +35,7 @@ def test_the_ops_of_a_harvest_last_as_long_as_its_steps(layout: Layout) -> None:
         plan = list(
             timed_steps(route_of(layout).harvest(block), starts[picker], layout.machines["picker"])
         )
-        ticks = program.ticks(program.harvests[picker], speeds_of(layout))
+        ticks = program.ticks(program.harvests[picker], speeds_of(program, layout))
         assert ticks == pytest.approx(plan[-1].ends / TIME_STEP)
 
 
@@ -42,7 +43,7 @@ def test_the_ops_of_a_harvest_last_as_long_as_its_steps(layout: Layout) -> None:
 def test_the_ops_of_a_job_last_as_long_as_its_steps(layout: Layout) -> None:
     program = Program(layout)
     route = route_of(layout)
-    speeds = speeds_of(layout)
+    speeds = speeds_of(program, layout)
     for queue_line in range(len(program.queue_lines)):
         place = queue_line * layout.queue.places
         for lane in layout.lanes:

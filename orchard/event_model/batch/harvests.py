@@ -91,8 +91,11 @@ class HarvestBatch:
             array = getattr(initial, name)
             self._state_forms[name] = (array.shape, array.nbytes)
         state = _as_bytes(initial)
-        # m/s at which each row is picked.
-        self._speeds = np.tile([lane.picking_speed for lane in layout.lanes], (count, 1))
+        self._program = prepared.program
+        self._row_speeds = np.array([lane.picking_speed for lane in layout.lanes])
+        # (harvests, passes) m/s at which pickers pick on each pass.
+        speeds = prepared.program.speeds(layout.scenario, self._row_speeds)
+        self._speeds = np.tile(speeds, (count, 1))
         bystanders = Bystanders.of(layout)
         self.arrays = {
             "initial": state,
@@ -114,8 +117,10 @@ class HarvestBatch:
         self.arrays["episodes"]["seed"][number] = seed
         if self._scenario.work_is_drawn:
             scenario = self._scenario.model_copy(update={"seed": seed})
+            of_rows = self._row_speeds
             for row, picker in self._pickers.items():
-                self._speeds[number, row - 1] = picking_speed_of(scenario, row, picker)
+                of_rows[row - 1] = picking_speed_of(scenario, row, picker)
+            self._speeds[number] = self._program.speeds(scenario, of_rows)
 
     def act(self, which: np.ndarray, actions: np.ndarray) -> None:
         """Let some harvests do their actions in the next step. `which`: (n,) bool."""

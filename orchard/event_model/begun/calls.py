@@ -203,7 +203,7 @@ class CallsOfBins:
             elapsed += driven / self._speed(picker.op) / TIME_STEP
         elapsed += picker.turned
         op = self._model.ops[begun]
-        speed = as_python(reports.speed_seen)(self._model, op, drive)
+        speed = as_python(reports.speed_seen)(self._model, op)
         ticks = as_python(reports.ticks_to_fill)(self._model, op, drive, speed)
         return self._tick - elapsed + float(ticks)
 

@@ -52,7 +52,7 @@ def see_row(m, picker):
     seen = tick
     if op.tells_on_drive and me.leg_ended != tick:
         seen = tick + 1
-    full = tick + ticks_to_fill(m, op, drive, speed_seen(m, op, drive))
+    full = tick + ticks_to_fill(m, op, drive, speed_seen(m, op))
     call = m.calls[picker]
     if call.bin != me.bin:
         begin_call(m, picker, me.bin, drive.end)
@@ -82,14 +82,14 @@ def begin_call(m, picker, name, end):
 
 
 @inner
-def speed_seen(m, op, drive):
-    """Return the speed at which a bin takes its row to be picked, m/s.
+def speed_seen(m, op):
+    """Return the speed at which a bin takes its picker to pick, m/s.
 
     It sees that only where its picker picks, and takes the mean speed before.
     """
     if op.metres > 0.0:
         return m.desk[0].mean_speed
-    return m.speeds[drive.row]
+    return m.speeds[op.arg]
 
 
 @inner

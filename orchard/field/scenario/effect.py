@@ -26,6 +26,10 @@ _IN_VAIN = {
         "picking.spread.distribution",
         "has no effect: all rows are picked alike while the distribution is none",
     ),
+    "picking.spread_of_bins.cv": (
+        "picking.spread_of_bins.distribution",
+        "has no effect: all bins of a row fill alike while the distribution is none",
+    ),
 }
 
 
@@ -51,11 +55,9 @@ def _rules_of_effect(scenario: Scenario) -> Iterator[tuple[tuple[str, ...], str]
         "carrying.battery.hours": scenario.has_batteries,
         "picking.failure.mean_between": scenario.picking.failure.mean_between is not None,
         "carrying.failure.mean_between": scenario.carrying.failure.mean_between is not None,
-        "picking.spread.distribution": scenario.picking.spread.distribution != "none",
-        "picking.spread_of_pickers.distribution": (
-            scenario.picking.spread_of_pickers.distribution != "none"
-        ),
     }
+    for key, spread in scenario.picking.spreads.items():
+        is_there[f"picking.{key}.distribution"] = spread.distribution != "none"
     default = Scenario.model_construct()
     for field, (needed, text) in _IN_VAIN.items():
         is_set = value_at(scenario, field) != value_at(default, field)
@@ -84,9 +86,8 @@ def _piece_rate_in_vain(scenario: Scenario) -> str:
     least = prices.picker_least_per_day
     if not prices.picker_per_bin or least is None or not scenario.shift.is_set:
         return ""
-    picking = scenario.picking
-    # Else the seed may draw a picker or a row that is fast enough.
-    if {picking.spread.distribution, picking.spread_of_pickers.distribution} != {"none"}:
+    # Else the seed may draw a picker, a row or a bin that is fast enough.
+    if scenario.picking.is_drawn:
         return ""
     hours = scenario.shift.work_seconds / 3600.0
     rate = scenario.chosen["picking_rate"] * max([1.0, *scenario.picker_rates.values()])

@@ -175,10 +175,8 @@ class Scenario(Values):
 
         So only the rest of its mean time can vary (orchard/field/picking.py).
         """
-        self._demand_a_spread_that_can_be("picking.spread", self.picking.spread)
-        self._demand_a_spread_that_can_be(
-            "picking.spread_of_pickers", self.picking.spread_of_pickers
-        )
+        for key, spread in self.picking.spreads.items():
+            self._demand_a_spread_that_can_be(f"picking.{key}", spread)
 
     def _demand_a_spread_that_can_be(self, path: str, spread: Spread) -> None:
         """Check that a spread leaves the time to drive along a row. `path`: of the spread."""

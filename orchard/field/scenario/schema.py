@@ -316,10 +316,8 @@ class Values(Section):
     @property
     def work_is_drawn(self) -> bool:
         """Whether the seed changes how long robots work."""
-        spreads = (self.picking.spread, self.picking.spread_of_pickers)
-        for spread in spreads:
-            if spread.distribution != "none":
-                return True
+        if self.picking.is_drawn:
+            return True
         for failure in (self.picking.failure, self.carrying.failure):
             if failure.mean_between is not None:
                 return True

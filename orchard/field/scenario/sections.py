@@ -74,7 +74,9 @@ WIDEST = {
 
 
 class Spread(Section):
-    """How the picking times of rows, or of pickers, differ. Their mean is that of the speed."""
+    """How the picking times of rows, of pickers or of bins differ. Their mean is that of the
+    speed.
+    """
 
     distribution: Annotated[str, choice(("none", *WIDEST), "distribution of the picking times")] = (
         "none"
@@ -122,6 +124,10 @@ PICKER_SPEED = (
 )
 
 
+# The keys of `Picking` that are a Spread.
+SPREADS = ("spread_of_pickers", "spread", "spread_of_bins")
+
+
 class Picking(Section):
     """What pickers can, and how picking varies."""
 
@@ -135,9 +141,27 @@ class Picking(Section):
         Spread, Field(description="how the mean picking times of pickers differ")
     ] = Spread()
     spread: Annotated[Spread, Field(description="how the picking times of rows differ")] = Spread()
+    spread_of_bins: Annotated[
+        Spread, Field(description="how the picking times of bins of the same row differ")
+    ] = Spread()
     failure: Annotated[
         Failure, Field(description="how often pickers fail, and for how long they stand")
     ] = Failure()
+
+    @property
+    def spreads(self) -> dict[str, Spread]:
+        """All spreads, by their keys."""
+        return {key: getattr(self, key) for key in SPREADS}
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether the seed decides for how long pickers pick."""
+        return any(spread.distribution != "none" for spread in self.spreads.values())
+
+    @property
+    def in_mean_times(self) -> "Picking":
+        """The same without spreads: all picking takes its mean time."""
+        return self.model_copy(update=dict.fromkeys(SPREADS, Spread()))
 
 
 class Battery(Section):

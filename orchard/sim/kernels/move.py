@@ -61,8 +61,12 @@ class Rows(NamedTuple):
     length: np.ndarray
     # (r,) m: the lanes' centre lines.
     y: np.ndarray
-    # (r,) m/s.
-    picking_speed: np.ndarray
+    # (r + 1,) the stretches of row i, from the west, are those from `stretch_begin[i]` on.
+    stretch_begin: np.ndarray
+    # (s,) m: x of the east ends of the stretches; those of row i are before `stretch_begin[i + 1]`.
+    stretch_east: np.ndarray
+    # (s,) m/s: how fast each stretch is picked.
+    stretch_speed: np.ndarray
     # (r, 4) m: picked from the west end, and from the east end. Then, of a part inside that touches
     # neither of them: up to where it is picked, from the west end, and from the east end. Its
     # length is their sum less that of the row. Both are 0 if there is no such part.
@@ -105,8 +109,9 @@ class Solids(NamedTuple):
 def advance(
     wanted, twist, pose, stopped, coupled, fill, pickers, speed, turn, sideways, shapes, tows,
     solid, walls, wall_frame, wall_begin, wall_members, body_frame, bin_full, bin_least, row_share,
-    row_west, row_length, row_y, row_speed, row_ends, distance, collisions, refused, blocked,
-    pick_from, boxes, cells, cell_begin, cell_members, met, picked_from, before, full,
+    row_west, row_length, row_y, stretch_begin, stretch_east, stretch_speed, row_ends, distance,
+    collisions, refused, blocked, pick_from, boxes, cells, cell_begin, cell_members, met,
+    picked_from, before, full,
 ):  # fmt: skip
     """Do one time step of all bodies: limit the wanted twists, (n, 3), move the bodies, and pick.
 
@@ -115,7 +120,17 @@ def advance(
     Return whether anything happened of which there may be an event: a collision began, a row is
     picked, a bin is full.
     """
-    rows = Rows(bin_full, row_share, row_west, row_length, row_y, row_speed, row_ends)
+    rows = Rows(
+        bin_full,
+        row_share,
+        row_west,
+        row_length,
+        row_y,
+        stretch_begin,
+        stretch_east,
+        stretch_speed,
+        row_ends,
+    )
     limit(wanted, stopped, speed, coupled, turn, sideways, twist)
     keep_pace(pickers, twist, pose, coupled, fill, rows, pick_from)
     for k in range(len(pickers)):
@@ -361,7 +376,7 @@ def row_at(y, rows):
 
 @inlined
 def keep_pace(pickers, twist, pose, coupled, fill, rows, pick_from):
-    """Limit the speed of a picker that picks to the picking speed of its row.
+    """Limit the speed of a picker that picks to that at which the stretch of row is picked.
 
     It picks in an unpicked part of the row, with a bin that is not full.
     """
@@ -371,7 +386,26 @@ def keep_pace(pickers, twist, pose, coupled, fill, rows, pick_from):
             continue
         r = row_at(pose[i, 1], rows)
         if r != NONE and not is_done(r, rows) and _is_unpicked(r, pose[i, 0], rows):
-            twist[i, 0] = _clamp(twist[i, 0], rows.picking_speed[r])
+            stretch = _stretch_ahead(r, pose[i], rows)
+            twist[i, 0] = _clamp(twist[i, 0], rows.stretch_speed[stretch])
+
+
+@inlined
+def _stretch_ahead(r, pose, rows):
+    """Return the index of the stretch of row r that a picker picks next.
+
+    At the edge between two stretches it is the one to which the picker looks.
+    """
+    # A picker that stands at an edge may have stopped a rounding error before it.
+    x = pose[0]
+    if abs(pose[2]) < 0.5 * np.pi:
+        x += _FRONTIER
+    else:
+        x -= _FRONTIER
+    stretch = rows.stretch_begin[r]
+    while stretch + 1 < rows.stretch_begin[r + 1] and rows.stretch_east[stretch] <= x:
+        stretch += 1
+    return stretch
 
 
 @inlined

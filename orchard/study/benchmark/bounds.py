@@ -38,11 +38,10 @@ def bounds_of(scenario: Scenario) -> dict[int, float]:
     work = WORK
     if scenario.rows > MOST_SMALL_ROWS:
         work = WORK_IN_LARGE
-    rows_are_drawn = scenario.picking.spread.distribution != "none"
     for seed in seeds_of(scenario):
         # A bound leaves failures out, and people too. So seeds have bounds of their own only where
-        # they draw the times of rows.
-        if rows_are_drawn or not proven:
+        # they draw the times of picking.
+        if scenario.picking.is_drawn or not proven:
             seeded = lay_out(with_changes(scenario, seed=seed))
             proven[seed] = optimum(seeded, work).proven_seconds
         else:

@@ -219,7 +219,7 @@ def _trailers(layout: Layout) -> dict[str, int]:
 
 def _at_mean_speeds(scenario: Scenario) -> Scenario:
     """Return a scenario in which each row takes its mean time."""
-    return with_changes(scenario, **{"picking.spread.distribution": "none"})
+    return scenario.model_copy(update={"picking": scenario.picking.in_mean_times})
 
 
 def _jobs(jobs: Sequence[TimedJob]) -> list[InstanceJob]:

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import orchard
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario, with_changes
-from orchard.field.scenario.sections import Carrying, Picking
+from orchard.field.scenario.sections import SPREADS, Carrying, Picking
 
 # The keys of a scenario that say what the seed draws. They have their defaults, or none, in what a
 # policy's process gets.
@@ -24,7 +24,10 @@ NOTHING_DRAWN: dict[str, Any] = {
     "people": {"workers": 0, "visitors": 0},
     "animals": {"dogs": 0, "cats": 0},
     "weeds": 0,
-    "picking": {"spread": {"distribution": "none"}, "failure": {"mean_between": None}},
+    "picking": {
+        **{key: {"distribution": "none"} for key in SPREADS},
+        "failure": {"mean_between": None},
+    },
     "carrying": {"failure": {"mean_between": None}},
 }
 _PACKAGE = f"{Path(orchard.__file__).parent}{os.sep}"
@@ -60,7 +63,7 @@ class _Hiding:
 
 
 class _SeenPicking(_Hiding, Picking):
-    hidden: ClassVar[frozenset[str]] = frozenset({"spread", "failure"})
+    hidden: ClassVar[frozenset[str]] = frozenset({*SPREADS, "failure"})
     place: ClassVar[str] = "layout.scenario.picking"
 
 

@@ -18,6 +18,7 @@ from pydantic.fields import FieldInfo
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario, other_ways, with_changes
 from orchard.field.scenario.effect import with_effect
+from orchard.field.scenario.sections import SPREADS
 from orchard.field.scenario.ways import value_at
 from orchard.study.settings import SEED
 from orchard.study.spread import is_number
@@ -35,6 +36,7 @@ SHARES: Mapping[str, float] = MappingProxyType(
         "crop.tonnes_per_hectare": 0.15,
         "picking.spread.cv": 0.30,
         "picking.spread_of_pickers.cv": 0.30,
+        "picking.spread_of_bins.cv": 0.30,
         "picking.driving_speed": 0.10,
         "carriers": 0.10,
         "carrying.speed": 0.10,
@@ -63,10 +65,7 @@ PICKER_RATES = "picker_rates"
 # The rate, as a share of the usual one, of a picker that `picker_rates` does not name.
 USUAL_RATE = 1.0
 # Key of a spread -> the key of its distribution, which is "none" if there is no spread.
-_OF_SPREADS = {
-    "picking.spread.cv": "picking.spread.distribution",
-    "picking.spread_of_pickers.cv": "picking.spread_of_pickers.distribution",
-}
+_OF_SPREADS = {f"picking.{key}.cv": f"picking.{key}.distribution" for key in SPREADS}
 
 
 class FactorError(ValueError):

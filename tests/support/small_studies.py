@@ -1,13 +1,17 @@
 """Orchards and options of small studies, for tests of whole studies."""
 
+from typing import Any
+
 from orchard.field.scenario import Scenario
 from orchard.study.options import StudyOptions
 
-QUIET = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "weeds": 0}
-
+QUIET: dict[str, Any] = {
+    "people": {"workers": 0, "visitors": 0},
+    "animals": {"dogs": 0, "cats": 0},
+    "weeds": 0,
+}
 
 CHANCE = Scenario(rows=3, picking_speed=0.5, picking={"spread": {"distribution": "gamma"}}, **QUIET)
-
 
 # So much budget that each study decides.
 AMPLE = StudyOptions(

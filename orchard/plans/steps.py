@@ -127,7 +127,6 @@ class Wait(Step, frozen=True):
     def act(self, robot: PlanExecutor) -> bool:
         """Stand. Return whether the time is over."""
         waited = (robot.seen.tick - robot.memory.since) * TIME_STEP
-        # MOST_HOLD before the conversion: `seconds` may be infinite.
         robot.hold(max(1, int(min(MOST_HOLD, (self.seconds - waited) / TIME_STEP))))
         return bool(waited >= self.seconds - EXACT)
 

@@ -1,5 +1,7 @@
-"""What a vehicle can do at a node or on an edge, and what it obeys at once: as orders name it, and
-as its factsheet declares it.
+"""The actions of vehicles, by the names that orders of VDA 5050 use.
+
+An action of an order is done at a node or on an edge. An instant action is done at once, outside of
+any order. A vehicle's factsheet declares both.
 """
 
 from collections.abc import Mapping
@@ -10,21 +12,22 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class VehicleAction:
-    """An action.
+    """An action of an order."""
 
-    `nodes`: at which nodes it is possible, or on the edges to them; `needs_load`: whether it needs
-    the parameter `loadId`.
-    """
-
+    #: Pattern of the names of the nodes at which it is possible, such as "*/bin/*"; with the scope
+    #: EDGE it is possible on the edges to them.
     nodes: str
+    #: Whether it needs the parameter `loadId`, the name of a bin.
     needs_load: bool
     description: str
     scope: Literal["NODE", "EDGE"] = "NODE"
 
     @property
     def blocking(self) -> list[str]:
-        """The blocking types that fit it: at a node a vehicle stands and does one thing, on an edge
-        it drives.
+        """The blocking types of VDA 5050 with which an order may name it, the usual one first.
+
+        HARD: the vehicle stands, and does nothing else meanwhile, as at a node. NONE and SINGLE: it
+        drives on meanwhile, as on an edge.
         """
         if self.scope == "NODE":
             return ["HARD"]
@@ -35,6 +38,7 @@ class VehicleAction:
         return fnmatch(node, self.nodes)
 
 
+# Names of actions. `pick` and `drop` are those of VDA 5050, and mean bins here, not fruit.
 PICK = "pick"
 DROP = "drop"
 HAND_OVER = "handOver"
@@ -72,9 +76,12 @@ ACTIONS: Mapping[str, Mapping[str, VehicleAction]] = {
         ),
     },
 }
-WITH_THE_BIN = (DROP, UNLOAD)  # their loadId, if there is one, names the bin on the bar
-IGNORED = ("stationType", "stationName", "loadType")  # parameters that change nothing here
+# Actions whose `loadId`, if an order has it, must name the bin that is on the bar.
+WITH_THE_BIN = (DROP, UNLOAD)
+# Parameters of actions that an order may have, and that change nothing here.
+IGNORED = ("stationType", "stationName", "loadType")
 
+# Name of an instant action -> what a vehicle does.
 INSTANT: Mapping[str, str] = {
     "startPause": "stand, until stopPause",
     "stopPause": "go on",

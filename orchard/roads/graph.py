@@ -1,10 +1,15 @@
 """The roads of carriers as nodes and edges, made from the drives of the scenario's route.
 
 Theory of operation. The plans of carriers are cut into legs: a leg ends where a drive ends, and
-where a carrier may have to wait for the next place on the roads. Legs that end at the same point
-meet there, in a node. An edge holds the steps of the leg that leads to its end. With them a carrier
-takes turns with all others, because traffic grants it the places that it needs, and it stops for
-obstacles.
+where a carrier may have to wait for the next place on the roads (docs/traffic.md). Legs that end at
+the same point meet there, in a node. An edge holds the steps of the leg that leads to its end. With
+them a carrier takes turns with all others, because traffic grants it the places that it needs, and
+it stops for obstacles.
+
+Names of nodes: `bay`, `bay/2`: places of the bay. `queue/1`: the head of the first line of the
+queue, `queue/1/2` the second place of that line. `east/stop/3`, `east/bin/3`: where a carrier hands
+an empty bin over at lane 3, and where it couples the full bin. A node where a carrier waits for a
+place has the name of that place, as `east/D/4`. All others are named by their x and y.
 """
 
 import heapq
@@ -25,12 +30,18 @@ from orchard.plans.robot import Gate, Step
 from orchard.plans.route import OneWay, Side
 from orchard.plans.steps import DriveTo, DriveToBay, Face, Free, Need
 
+# The name of the bay's station, and of its first node.
 BAY = "bay"
-QUEUE = "queue/"  # the beginning of the names of the queue's nodes
-NEAR = 0.5  # m from a node within which a vehicle stands on it
-NEAR_IN_QUEUE = 2.0  # m, the same in the queue, where vehicles stand closer at the start than later
+# The beginning of the names of the queue's nodes.
+QUEUE = "queue/"
+# A vehicle that is nearer to a node than this stands on it, m.
+NEAR = 0.5
+# The same in the queue, m: there vehicles stand closer at the start of a harvest than later, and so
+# beside their nodes.
+NEAR_IN_QUEUE = 2.0
 RADIUS = KINDS["carrier"].radius  # m
-# m from one node in a line of the queue to the next: a vehicle behind another one reaches the next
+# m from one node in a line of the queue to the next. It is 5 cm more than the greatest distance
+# from one waiting carrier to the next, so that a vehicle behind another one reaches its node.
 PITCH = round(CLOSED_UP + 0.05, 2)
 
 
@@ -58,10 +69,15 @@ class Graph:
     """What a kind of vehicle drives on."""
 
     kind: str
+    #: Name -> node.
     nodes: Mapping[str, Node]
+    #: Names of the nodes at both ends -> edge.
     edges: Mapping[tuple[str, str], Edge]
-    lines: tuple[str, ...]  # the nodes at the heads of the queue's lines
-    stations: Mapping[str, tuple[str, ...]]  # station -> the nodes at which a vehicle works there
+    #: The nodes at the heads of the queue's lines.
+    lines: tuple[str, ...]
+    #: Station -> the nodes at which a vehicle works there. For a carrier a lane's end has two: that
+    #: at which it hands the empty bin over, and that at which it couples the full bin.
+    stations: Mapping[str, tuple[str, ...]]
 
     @property
     def bins(self) -> list[str]:
@@ -69,7 +85,10 @@ class Graph:
         return [nodes[1] for nodes in self.stations.values() if len(nodes) > 1]
 
     def station_of(self, stop: str) -> str:
-        """Return the station at which a vehicle stops at a node to hand over; "" if none."""
+        """Return the station at whose first node a vehicle hands a bin over; "" if there is none.
+
+        `stop`: the name of that node.
+        """
         for name, nodes in self.stations.items():
             if len(nodes) > 1 and nodes[0] == stop:
                 return name
@@ -82,7 +101,9 @@ class Graph:
             return hypot(node.x - x, node.y - y)
 
         nearest = min(self.nodes.values(), key=distance)
-        tolerance = NEAR_IN_QUEUE if nearest.name.startswith(QUEUE) else NEAR
+        tolerance = NEAR
+        if nearest.name.startswith(QUEUE):
+            tolerance = NEAR_IN_QUEUE
         if distance(nearest) <= tolerance:
             return nearest.name
         return ""
@@ -93,49 +114,59 @@ class Graph:
         Raises ValueError if there is no way.
         """
         wanted = set(ends)
-        known = {start: (0.0, "")}
-        queue = [(0.0, start)]
-        while queue:
-            length, name = heapq.heappop(queue)
+        # Dijkstra's algorithm. Node -> the shortest way to it so far, m, and the node before it on
+        # that way; "" before the start.
+        shortest = {start: (0.0, "")}
+        # The nodes from which the search goes on, with the length of the way there: a heap.
+        reached = [(0.0, start)]
+        while reached:
+            length, name = heapq.heappop(reached)
             if name in wanted:
-                return _way_back(known, name)[::-1][1:]
-            for edge in self._out(name):
+                from_start = _way_back(shortest, name)[::-1]
+                return from_start[1:]
+            for edge in self._edges_from(name):
                 further = length + edge.length
-                if further < known.get(edge.end, (inf, ""))[0]:
-                    known[edge.end] = further, name
-                    heapq.heappush(queue, (further, edge.end))
+                known_length, _ = shortest.get(edge.end, (inf, ""))
+                if further < known_length:
+                    shortest[edge.end] = further, name
+                    heapq.heappush(reached, (further, edge.end))
         raise ValueError(f"no way from {start} to {', '.join(sorted(wanted))}")
 
-    def _out(self, name: str) -> list[Edge]:
+    def _edges_from(self, name: str) -> list[Edge]:
         """Return the edges that begin at a node."""
         return [edge for (start, _), edge in self.edges.items() if start == name]
 
 
-def _way_back(known: Mapping[str, tuple[float, str]], name: str) -> list[str]:
-    """Return the nodes from one back to the start.
+def _way_back(shortest: Mapping[str, tuple[float, str]], name: str) -> list[str]:
+    """Return the nodes from a node back to the start.
 
-    `known`: node -> the length of the way to it, m, and the node before it.
+    `shortest`: node -> the length of the way to it, m, and the node before it; "" at the start.
     """
     nodes = []
     while name:
         nodes.append(name)
-        name = known[name][1]
+        _, name = shortest[name]
     return nodes
 
 
 @dataclass(frozen=True)
 class Leg:
-    """A drive between two points, before they have names."""
+    """A drive between two points, before they have names.
+
+    Only x and y of the poses matter.
+    """
 
     start: Pose
     end: Pose
     steps: tuple[Step, ...]
-    waits_for: str = ""  # the place for which a carrier waits at its end; "" for none
+    #: The place on the roads for which a carrier may have to wait at its end; "" for none.
+    waits_for: str = ""
 
 
 def graph_of(layout: Layout, route: OneWay) -> Graph:
-    """Return the roads of an orchard, by its route."""
+    """Return the roads of carriers in an orchard, by its route."""
     roads = _Roads(layout, route)
+    # The number of the place at the head of each line.
     for head in range(0, layout.queue_places, layout.queue.places):
         roads.add_line(head)
     for side in route.sides.values():
@@ -145,7 +176,7 @@ def graph_of(layout: Layout, route: OneWay) -> Graph:
 
 
 class _Roads:
-    """The legs of all roads, and the names of the points that have one."""
+    """Collects the legs of all roads, the names of some points, and the stations."""
 
     def __init__(self, layout: Layout, route: OneWay) -> None:
         self._layout = layout
@@ -153,17 +184,19 @@ class _Roads:
         self._carrier = layout.machines["carrier"]
         self._bay = Pose(layout.bay_stop, layout.queue.lines[0], 0.0)
         self.legs: list[Leg] = []
+        # Point, as of `_point` -> the name of its node.
         self.names: dict[tuple[float, float], str] = {}
-        # x of a carrier at each place of the bay, the first one first.
+        # x of a carrier at each place of the bay, from the east, m.
         self._bay_stops: list[float] = []
-        of_bay = [BAY]
+        bay_nodes = [BAY]
         for number in range(1, layout.scenario.bays):
-            of_bay.append(f"{BAY}/{number + 1}")
-        for number, name in enumerate(of_bay):
+            bay_nodes.append(f"{BAY}/{number + 1}")
+        for number, name in enumerate(bay_nodes):
             place = self._bay._replace(x=self._bay.x - CLOSED_UP * number)
             self._bay_stops.append(place.x)
             self.names[_point(place)] = name
-        self.stations: dict[str, tuple[str, ...]] = {BAY: tuple(of_bay)}
+        # As of `Graph.stations`.
+        self.stations: dict[str, tuple[str, ...]] = {BAY: tuple(bay_nodes)}
 
     def add_line(self, head: int) -> None:
         """Add a line of the queue: the way home into it, along it, and from it to all lanes.
@@ -213,9 +246,13 @@ class _Roads:
         self.legs += _legs(home, stop, self._carrier)
 
     def _by_places_of_bay(self, steps: Iterable[Step]) -> Iterator[Step]:
-        """Yield steps with the drive to a bay of several places cut at each place."""
+        """Yield steps with the drive to a bay of several places cut at each place.
+
+        So fleet control may order a vehicle to any of them.
+        """
         for step in steps:
             if isinstance(step, DriveToBay):
+                # The drive leads east, to the westernmost place first.
                 for x in reversed(self._bay_stops):
                     yield DriveTo(x=x)
             else:
@@ -225,26 +262,30 @@ class _Roads:
 def _over_to_the_other_road(route: OneWay, side: Side, lane: int, stop: Pose) -> list[Step]:
     """Return the way home for a carrier that has nothing to do at a lane.
 
-    It leads from its stop over to the road of the full bins, and along it. The carrier needs the
-    places of that road between which it turns, as one that drives along it: one after the other,
-    never two at once.
+    It leads from its stop over to the full-bin road, and along it. The carrier comes onto that road
+    in the middle. So it first takes the places that its turn there touches, one after the other,
+    never two at once, as a carrier does that drives along the road.
     """
     turn, along, onward = _longest_way_to_bay(route, side)
-    ahead = -1.0 if turn.heading == "SOUTH" else 1.0
-    # Place -> how far before (below 0) or behind the stop it begins and ends, m.
-    enters: dict[str, float] = {}
+    ahead = 1.0
+    if turn.heading == "SOUTH":
+        ahead = -1.0
+    # Place on the full-bin road -> where it begins, and where it ends, m past the stop in the
+    # direction of that road; negative before the stop.
+    begins: dict[str, float] = {}
     for gate in along.needs:
-        enters |= dict.fromkeys(gate.places, ahead * (gate.at - stop.y))
-    leaves: dict[str, float] = {}
+        begins |= dict.fromkeys(gate.places, ahead * (gate.at - stop.y))
+    ends: dict[str, float] = {}
     for gate in along.frees:
-        leaves |= dict.fromkeys(gate.places, ahead * (gate.at - stop.y))
-    around = []
-    for place, leaves_at in leaves.items():
-        if leaves_at > -RADIUS and enters.get(place, -inf) < RADIUS:
-            around.append(place)
-    around.sort(key=lambda place: leaves[place])
+        ends |= dict.fromkeys(gate.places, ahead * (gate.at - stop.y))
+    touched = []
+    for place, ends_at in ends.items():
+        # A place without a gate begins before the road: the carrier would have it already.
+        if ends_at > -RADIUS and begins.get(place, -inf) < RADIUS:
+            touched.append(place)
+    touched.sort(key=lambda place: ends[place])
     return [
-        *(Need([place]) for place in around),
+        *(Need([place]) for place in touched),
         Face(side.heading("WEST")),
         DriveTo(x=side.x(route.F_ROAD)),
         Face(turn.heading),
@@ -255,12 +296,14 @@ def _over_to_the_other_road(route: OneWay, side: Side, lane: int, stop: Pose) ->
 
 
 def _longest_way_to_bay(route: OneWay, side: Side) -> tuple[Face, DriveTo, list[Step]]:
-    """Return the way to the bay that knows the places of all lanes.
+    """Return the way to the bay that passes all lanes: from the lane that is first on the road.
 
-    It is the turn onto the road, the drive along it, and the rest.
+    It is returned in three parts: the turn onto the full-bin road, the drive along it, and the
+    rest.
     """
 
     def place_count(way: list[Step]) -> int:
+        """Return how many gates of places the drive along the road passes."""
         along = way[2]
         if isinstance(along, DriveTo):
             return len(along.frees)
@@ -269,62 +312,69 @@ def _longest_way_to_bay(route: OneWay, side: Side) -> tuple[Face, DriveTo, list[
     ways = []
     for lane in route.layout.lanes:
         way = route.go_to_bay(lane.number, side)
-        # A carrier that comes from the stop asks for its places by itself.
+        # Without the places for the turn at that lane: `_over_to_the_other_road` has its own.
         ways.append(list(dropwhile(lambda step: isinstance(step, Need), way)))
+    # The first step is the drive from the full bin to the road.
     _, turn, along, *onward = max(ways, key=place_count)
     assert isinstance(turn, Face) and isinstance(along, DriveTo)
     return turn, along, onward
 
 
 def _legs(steps: Iterable[Step], start: Pose, machine: Machine) -> list[Leg]:
-    """Cut a machine's plan where its drives end, and where they may have to wait.
+    """Cut a machine's plan where its drives end, and where the machine may have to wait.
 
-    What is done before a drive belongs to it.
+    What is done before a drive belongs to the leg of the drive; what is done after the last drive
+    belongs to the last leg. `start`: the pose in which the plan begins.
     """
     legs: list[Leg] = []
-    before: list[Step] = []
+    steps_of_leg: list[Step] = []
     pose = start
     for step in steps:
-        parts = _parts(step, pose) if isinstance(step, DriveTo) else [(step, "")]
+        parts: Iterable[tuple[Step, str]] = [(step, "")]
+        if isinstance(step, DriveTo):
+            parts = _parts(step, pose)
         for part, waits_for in parts:
             begin = pose
-            pose = part.motion(begin, machine)[0]
-            before.append(part)
+            pose, _ = part.motion(begin, machine)
+            steps_of_leg.append(part)
+            # A drive of no length leads to no other node.
             if isinstance(part, DriveTo) and _point(pose) != _point(begin):
-                legs.append(Leg(begin, pose, tuple(before), waits_for))
-                before = []
+                legs.append(Leg(begin, pose, tuple(steps_of_leg), waits_for))
+                steps_of_leg = []
     last = legs[-1]
-    return [*legs[:-1], replace(last, steps=(*last.steps, *before))]
+    return [*legs[:-1], replace(last, steps=(*last.steps, *steps_of_leg))]
 
 
 def _parts(drive: DriveTo, start: Pose) -> Iterator[tuple[DriveTo, str]]:
-    """Cut a drive at the gates before which it may have to wait.
+    """Cut a drive at the gates before which the robot may have to wait.
 
-    Yields each part, and the place that is needed where it ends.
+    Yield each part, and the place that is needed where the part ends; "" if none is.
     """
     axis = drive.axis
     begin = getattr(start, axis)
     end = getattr(drive, axis)
 
-    def along(at: float) -> float:
-        """Return a coordinate, m, that grows in the direction of the drive."""
+    def along(position: float) -> float:
+        """Return a coordinate, m, that grows in the direction of the drive, for a position."""
         if end >= begin:
-            return at
-        return -at
+            return position
+        return -position
 
     needs = [gate for gate in drive.needs if along(begin) <= along(gate.at) < along(end)]
     cuts = sorted({gate.at for gate in needs if gate.at != begin}, key=along)
     for first, last in pairwise([begin, *cuts, end]):
-        # The first part also gives back what lies behind the start.
-        behind = -inf if first == begin else along(first)
-        frees = [gate for gate in drive.frees if behind < along(gate.at) <= along(last)]
+        after = along(first)
+        if first == begin:
+            # The first part also gives back the places of gates behind the start.
+            after = -inf
+        frees = [gate for gate in drive.frees if after < along(gate.at) <= along(last)]
         needed_at_first = [gate for gate in needs if gate.at == first]
         part = structs.replace(drive, needs=needed_at_first, frees=frees, **{axis: last})
         yield part, _place_needed_at(last, needs)
 
 
 def _place_needed_at(at: float, gates: Sequence[Gate]) -> str:
-    """Return the first place that is needed at a coordinate of a drive; "" if none is."""
+    """Return the first place of the gates at a position of a drive; "" if there is none."""
     for gate in gates:
         if gate.at == at and gate.places:
             return gate.places[0]
@@ -332,17 +382,21 @@ def _place_needed_at(at: float, gates: Sequence[Gate]) -> str:
 
 
 def _point(pose: Pose) -> tuple[float, float]:
-    """Return a point to the millimetre: drives of several lanes lead to the same one."""
+    """Return x and y of a pose to the millimetre, m.
+
+    So drives that lead to the same point meet there, also if their last bits differ.
+    """
     return round(pose.x, 3), round(pose.y, 3)
 
 
 def _joined(
     legs: list[Leg], names: dict[tuple[float, float], str], stations: Mapping[str, tuple[str, ...]]
 ) -> Graph:
-    """Join the legs where they meet.
+    """Return the graph of some legs: those that meet at a point are joined by a node.
 
-    `names`: point -> name; the others get one here. Of legs with the same ends that counts which
-    gives back the most places.
+    `names`: point -> name of its node. Points without a name get one, and are added to it. Of legs
+    between the same two points the one is taken that gives back the most places: it is that of the
+    longest way.
     """
     for leg in legs:
         if leg.waits_for and leg.waits_for not in names.values():
@@ -350,6 +404,7 @@ def _joined(
         for x, y in (_point(leg.start), _point(leg.end)):
             names.setdefault((x, y), f"{x:g},{y:g}")
     edges: dict[tuple[str, str], Edge] = {}
+    # A later leg takes the place of an earlier one with the same ends.
     for leg in sorted(legs, key=_freed_count):
         start = names[_point(leg.start)]
         end = names[_point(leg.end)]

@@ -1,5 +1,7 @@
 """The roads of an orchard as a track layout in the Layout Interchange Format (LIF) of the VDMA,
 which fleet control imports.
+
+Keys are those of LIF. A vehicle type is a kind of robot here, a carrier or a picker.
 """
 
 from collections.abc import Iterable, Sequence
@@ -8,15 +10,19 @@ from typing import Any
 from orchard.roads.actions import ACTIONS
 from orchard.roads.graph import BAY, Edge, Graph, Node
 
+# Of LIF.
 VERSION = "1.0.0"
-MAP = "orchard"  # the mapId of all nodes
-SPEED = 1.0  # m/s
+# The mapId of all nodes.
+MAP = "orchard"
+# The greatest speed that a map names for all edges, m/s: that of the manual's robots.
+SPEED = 1.0
 
 
 def lif_of(graphs: Sequence[Graph], creator: str, made_at: str) -> dict[str, Any]:
-    """Return the layout of what several kinds of vehicles drive on.
+    """Return the track layout of several kinds of vehicles, as JSON has it.
 
-    `creator`: the program that exports it; `made_at`: when, ISO 8601.
+    `graphs`: the roads of each kind. `creator`: the program that exports it; `made_at`: when, ISO
+    8601.
     """
     meta = {
         "projectIdentification": MAP,
@@ -30,8 +36,8 @@ def lif_of(graphs: Sequence[Graph], creator: str, made_at: str) -> dict[str, Any
     for graph in graphs:
         nodes += [_node(graph.kind, node) for node in graph.nodes.values()]
         edges += [_edge(graph.kind, edge) for edge in graph.edges.values()]
-        for name, of_station in graph.stations.items():
-            stations.append(_station(name, of_station))
+        for name, station_nodes in graph.stations.items():
+            stations.append(_station(name, station_nodes))
     layout = {
         "layoutId": MAP,
         "layoutName": "the roads of the orchard",
@@ -54,6 +60,7 @@ def edge_id(edge: Edge) -> str:
 
 
 def _node(vehicle: str, node: Node) -> dict[str, Any]:
+    """Return a node of a kind of vehicle, with the actions that are possible there."""
     properties = {"vehicleTypeId": series(vehicle)} | _actions(vehicle, "NODE", node.name)
     return {
         "nodeId": node.name,
@@ -64,7 +71,10 @@ def _node(vehicle: str, node: Node) -> dict[str, Any]:
 
 
 def _actions(vehicle: str, scope: str, node: str) -> dict[str, Any]:
-    """The actions that are possible at a node, or on an edge to it."""
+    """Return the entry `actions` of a node, or of an edge to it; no entry if none is possible.
+
+    `scope`: 'NODE' or 'EDGE'.
+    """
     actions = []
     for kind, action in ACTIONS[vehicle].items():
         if action.scope == scope and action.is_done_at(node):
@@ -81,6 +91,7 @@ def _actions(vehicle: str, scope: str, node: str) -> dict[str, Any]:
 
 
 def _edge(vehicle: str, edge: Edge) -> dict[str, Any]:
+    """Return an edge of a kind of vehicle: it drives ahead along it, and turns only at its ends."""
     properties: dict[str, Any] = {
         "vehicleTypeId": series(vehicle),
         "vehicleOrientation": 0.0,
@@ -100,6 +111,7 @@ def _edge(vehicle: str, edge: Edge) -> dict[str, Any]:
 
 
 def _station(name: str, nodes: Iterable[str]) -> dict[str, Any]:
+    """Return a station. The first part of its name says what it is: "queue/1", "row/3"."""
     descriptions = {
         BAY: "the bay, where full bins are unloaded",
         "queue": "a line of the queue",

@@ -1,9 +1,12 @@
-"""The roads of pickers, made from the drives of the scenario's route, as those of carriers; they go
-on southward only.
+"""The roads of pickers as nodes and edges, made from the drives of the scenario's route.
 
-At each end of a row there are four nodes: `*/out/*`, where a picker that comes through the row
-stands with its bin; `*/wait/*`, beyond the roads; `*/aside/*`, where it holds up no carrier; and
-`*/park/*`, where it stays. Where a picker starts in the west there is `west/in/*` too.
+graph.py makes those of carriers in the same way, and has the classes. From row to row the roads
+lead southward only, as pickers do.
+
+A node's name is the side, what it is for, and the row: `east/out/3`. At each end of a row there are
+four nodes: `*/out/*`, where a picker that comes through the row stands with its bin; `*/wait/*`,
+beyond the carriers' roads; `*/aside/*`, further out, where it holds up no carrier; and `*/park/*`,
+where it stays. Where a picker starts in the west there is `west/in/*` too.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -12,6 +15,7 @@ from dataclasses import replace
 from orchard.contract.messages import BinState, StateRequest
 from orchard.field.layout import Layout
 from orchard.field.passes import UNKNOWN, Pass
+from orchard.field.rows import End
 from orchard.plans.robot import PlanExecutor, Step
 from orchard.plans.route import OneWay, Side
 from orchard.plans.routes import route_of
@@ -20,7 +24,7 @@ from orchard.roads.graph import Edge, Graph, Node, graph_of
 
 
 class Weigh(Step, frozen=True):
-    """Ask the bin on the bar whether it is full."""
+    """Ask the bin on the bar for its fill, and note it for fleet control."""
 
     def act(self, robot: PlanExecutor) -> bool:
         """Ask the bin, if there is one. Return whether it has answered."""
@@ -28,7 +32,8 @@ class Weigh(Step, frozen=True):
             return True
         answer = robot.ask(robot.seen.hitch.name, StateRequest())
         if isinstance(answer, BinState):
-            # The robot is a driver by orders.
+            # Only robots that obey orders have this step: class `Driver` of bridges/vda5050. Its
+            # `duty` is what they report.
             duty = robot.duty  # type: ignore[attr-defined]
             duty.is_laden = answer.full
             duty.fill = answer.fill
@@ -36,12 +41,12 @@ class Weigh(Step, frozen=True):
 
 
 class FreeWithout(Step, frozen=True):
-    """Give places back, unless a bin on the bar stands in them."""
+    """Give places back, unless the robot has a bin: the bin on its bar would still stand there."""
 
     places: list[str]
 
     def act(self, robot: PlanExecutor) -> bool:
-        """Give the places back, or keep them for the bin. Return that the step is done."""
+        """Give the places back, or keep them for the bin, and be done."""
         if robot.seen.hitch is None:
             robot.free(self.places)
         return True
@@ -83,7 +88,10 @@ def _nodes_at_row(row: int, names: Iterable[str]) -> tuple[str, ...]:
 
 
 def _edges_at(layout: Layout, route: OneWay, row: int, side: Side) -> Iterator[Edge]:
-    """Yield the edges that begin at one end of a row. `_measured` gives them their length."""
+    """Yield the edges between the nodes at one end of a row, and from there to other rows' ends.
+
+    `_measured` gives them their length.
+    """
     out = f"{side.name}/out/{row}"
     wait = f"{side.name}/wait/{row}"
     aside = f"{side.name}/aside/{row}"
@@ -91,10 +99,11 @@ def _edges_at(layout: Layout, route: OneWay, row: int, side: Side) -> Iterator[E
     places = [side.place("D", row)]
     yield _edge(out, wait, *route.drive_out(row, side), FreeWithout(places))
     yield _through(route, side, row, wait)
-    towards_roads = (Need(places), Face(side.heading("EAST")))
-    yield _edge(wait, park, *towards_roads, *route.park(row, side))
+    # Away from the rows. The turn swings the bin over the delivery road, so it needs the place.
+    face_outward = (Need(places), Face(side.heading("EAST")))
+    yield _edge(wait, park, *face_outward, *route.park(row, side))
     off_the_roads = (DriveTo(x=side.x(route.PARKING_CLEAR)), Face("SOUTH"), Free(places))
-    yield _edge(wait, aside, *towards_roads, *off_the_roads)
+    yield _edge(wait, aside, *face_outward, *off_the_roads)
     yield _edge(aside, wait, Face(side.heading("WEST")), DriveTo(x=side.x(route.WAITING)))
     if row < len(layout.lanes):
         yield _edge(wait, f"{side.name}/wait/{row + 1}", *_over_to_next_row(route, row, side))
@@ -106,7 +115,10 @@ def _edge(start: str, end: str, *steps: Step) -> Edge:
 
 
 def _over_to_next_row(route: OneWay, row: int, side: Side) -> list[Step]:
-    """Return the first steps to the next row, up to the first drive: it ends beside that row."""
+    """Return the first steps to the next row, up to the first drive, which ends beside that row.
+
+    Raises ValueError for a route without such a drive.
+    """
     steps = list[Step]()
     for step in route.go_to_next_row(row, row + 1, side):
         steps.append(step)
@@ -116,10 +128,14 @@ def _over_to_next_row(route: OneWay, row: int, side: Side) -> list[Step]:
 
 
 def _through(route: OneWay, side: Side, row: int, start: str) -> Edge:
-    """Return the edge through a row, from one side of it to the other."""
+    """Return the edge through a row, from one side of it to the other.
+
+    `start`: the node at which it begins. From a node `wait` the picker first drives over the roads.
+    """
     opposite = route.opposite(side)
     turn_in: list[Step] = []
     if "/wait/" in start:
+        # The way to the next row, where that is the same row.
         turn_in = route.go_to_next_row(row, row, side)
     whole_row = pass_at(row, opposite, route.end(row, side), route.end(row, opposite))
     pick = route.pick(whole_row, came_over=bool(turn_in))
@@ -129,14 +145,17 @@ def _through(route: OneWay, side: Side, row: int, start: str) -> Edge:
 def pass_at(
     row: int, side: Side, begin: float, stop: float, *, fill: float = 0.0, is_full: bool = False
 ) -> Pass:
-    """Return a pass that ends on a side, as the route knows passes.
+    """Return a pass that ends on a side, as a route takes passes (orchard/field/passes.py).
 
     `begin`, `stop`: where picking begins and ends, x in the frame `map`, m. `fill`: of the bin at
-    its end, m of picked row. Fleet control says where the bin is left.
+    its end, m of picked row. The pass leaves no bin: fleet control says where the bin is left.
     """
+    end: End = "west"
+    if side.sign > 0:
+        end = "east"
     return Pass(
         row=row,
-        end="east" if side.sign > 0 else "west",
+        end=end,
         bin_number=UNKNOWN,
         begin=begin,
         stop=stop,

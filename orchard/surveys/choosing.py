@@ -1,9 +1,12 @@
-"""Which features of a file are rows: those of one kind, of one block; the others are left out by
-name.
+"""Chooses the features of a file that are rows: all must be of one kind, and may be of one block.
+
+The others are left out, and the user is told which. A block is a part of an orchard, named by a
+property of its rows.
 """
 
 from collections import defaultdict
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,45 +18,51 @@ from orchard.surveys.options import Source
 BLOCK_KEYS = ("block", "block_name", "block_id", "blockname", "paddock", "field", "folder")
 # Properties that say what a feature is.
 _TYPE_KEYS = ("type", "kind", "class", "category", "building", "landuse", "description")
+# Names in a list for people; of more names only the number is told.
 MOST_LISTED = 10
-# Share of its length, from which on the ground inside a closed line is an area.
-AREA = 0.02
+# Characters of a block's name, and of a word that says what a feature is.
+LONGEST_BLOCK = 60
+LONGEST_TYPE = 30
+# A closed line is an outline if its area is at least that of a square whose side is this share of
+# the line's length. Else it is a row that is drawn there and back.
+OUTLINE = 0.02
 
 
-class Chosen:
-    """The features that are rows, and what became of the others."""
+class Chosen(NamedTuple):
+    """The features that are rows, and what was left out."""
 
-    def __init__(self, features: list[Feature], kind: str, notes: list[str]) -> None:
-        self.features = features
-        self.kind = kind
-        self.notes = notes
+    features: list[Feature]
+    #: The kind of all of them: LINE, POLYGON or POINT.
+    kind: str
+    #: What was left out, a sentence each.
+    notes: list[str]
 
 
 def chosen(features: Sequence[Feature], source: Source) -> Chosen:
     """Return the features that are rows. Raises ScenarioError."""
     of_block = _of_block([_as_area(feature) for feature in features], source)
     _check_names(of_block, source)
-    named = []
+    left_out_by_user = []
     rest = []
     for feature in of_block:
         if feature.name in source.options.without:
-            named.append(feature)
+            left_out_by_user.append(feature)
         else:
             rest.append(feature)
     kind = _kind(rest, source)
     used = []
-    others = []
+    of_other_kinds = []
     for feature in rest:
         if feature.kind == kind:
             used.append(feature)
         else:
-            others.append(feature)
+            of_other_kinds.append(feature)
     notes = []
-    if named:
-        notes.append(f"left out, as --without says: {_listed_words(named)}")
-    if others:
-        words = _listed_words(others)
-        notes.append(f"left out, as {_plural(others)} no {_KINDS[kind]}: {words}")
+    if left_out_by_user:
+        notes.append(f"left out, as --without says: {_listed_words(left_out_by_user)}")
+    if of_other_kinds:
+        words = _listed_words(of_other_kinds)
+        notes.append(f"left out, as {_plural(of_other_kinds)} no {_KINDS[kind]}: {words}")
     return Chosen(used, kind, notes)
 
 
@@ -71,6 +80,7 @@ def _listed_words(features: Sequence[Feature]) -> str:
     return listed([_words(feature) for feature in features])
 
 
+# Kind of feature -> what a feature of it is for a row, in words.
 _KINDS = {LINE: "line of a row", POLYGON: "polygon", POINT: "point of a tree"}
 
 
@@ -82,23 +92,28 @@ def _plural(features: Sequence[Feature]) -> str:
 
 
 def _as_area(feature: Feature) -> Feature:
-    """Return a closed line around an area as a polygon: it is an outline, and no row."""
+    """Return a feature; a closed line around an area as a polygon: it is an outline, and no row."""
     if feature.kind != LINE or len(feature.parts) != 1:
         return feature
     points = feature.parts[0]
+    # A triangle has three corners, and its first point again.
     if len(points) < 4 or points[0] != points[-1]:
         return feature
-    steps = np.diff(points)
+    # The area by the shoelace formula, about the first point: coordinates may be large numbers.
     local = points - points[0]
-    area = abs(float(np.sum(local[:-1].real * local[1:].imag - local[1:].real * local[:-1].imag)))
-    length = float(np.abs(steps).sum())
-    if area / 2 < (AREA * length) ** 2:
+    products = local[:-1].real * local[1:].imag - local[1:].real * local[:-1].imag
+    area = abs(float(np.sum(products))) / 2
+    length = float(np.abs(np.diff(points)).sum())
+    if area < (OUTLINE * length) ** 2:
         return feature
     return feature._replace(kind=POLYGON)
 
 
 def _of_block(features: list[Feature], source: Source) -> list[Feature]:
-    """Return the features of the block that the user names, and those of no block."""
+    """Return the features of the block that the user names; all, if the user names none.
+
+    Raises ScenarioError for a block that the file does not have.
+    """
     name = source.options.block
     if name is None:
         return features
@@ -117,10 +132,10 @@ def _of_block(features: list[Feature], source: Source) -> list[Feature]:
 
 
 def block_of(feature: Feature) -> str:
-    """Return the block of which a feature is; "" if it does not say."""
+    """Return the name of the block to which a feature belongs; "" if it names none."""
     for key, value in feature.properties.items():
         if key.lower() in BLOCK_KEYS and isinstance(value, str | int) and str(value):
-            return printable(str(value), 60)
+            return printable(str(value), LONGEST_BLOCK)
     return ""
 
 
@@ -135,7 +150,11 @@ def blocks_of(features: Sequence[Feature]) -> dict[str, list[Feature]]:
 
 
 def _kind(features: Sequence[Feature], source: Source) -> str:
-    """Return the kind of features that rows are read from. Raises ScenarioError."""
+    """Return the kind of features that are rows: the first one that there is.
+
+    That is lines before polygons before points. A user who gives a spacing wants a polygon, the
+    outline of a block. Raises ScenarioError if there is none then.
+    """
     kinds = {feature.kind for feature in features}
     if source.options.spacing is not None:
         if POLYGON not in kinds:
@@ -154,7 +173,7 @@ def _words(feature: Feature) -> str:
     for key in _TYPE_KEYS:
         value = feature.properties.get(key)
         if isinstance(value, str) and value:
-            parts.append(printable(value, 30))
+            parts.append(printable(value, LONGEST_TYPE))
             break
     return f"{feature.name} ({', '.join(parts)})"
 

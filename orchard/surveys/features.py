@@ -1,4 +1,8 @@
-"""What every file of a survey is read into: features with their points."""
+"""What every file of a survey is read into: features with their points.
+
+A feature is a thing on a map, as GeoJSON names it. Its points are complex numbers: easting + i
+northing, or longitude + i latitude.
+"""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -8,14 +12,16 @@ import numpy as np
 
 from orchard.field.problems import Problem, printable
 
-# The system of a file that names none: of GeoJSON (RFC 7946), of KML, of latitude and longitude.
+# The coordinate system of longitude and latitude, in this order, in degrees: that of GeoJSON (RFC
+# 7946) and of KML, and of a table with columns of these names.
 LONGITUDE_LATITUDE = "OGC:CRS84"
+# Kinds of features.
 LINE = "line"
 POLYGON = "polygon"
 POINT = "point"
-# Properties that name a feature without an id.
+# Properties that name a feature, the first before the others.
 NAMES = ("id", "fid", "name", "row")
-# Characters of a name.
+# Characters of a name, at most.
 LONGEST_NAME = 60
 
 
@@ -23,12 +29,12 @@ class Feature(NamedTuple):
     """A thing on the map: a row, a tree, an outline, a shed."""
 
     name: str
-    #: LINE, POLYGON or POINT; "" for what is none of them.
+    #: LINE, POLYGON or POINT; "" for a feature that is none of them.
     kind: str
     #: What the file calls its kind: "'MultiLineString'".
     kind_in_file: str
-    #: (n,) complex each: easting + i northing, in the file's system, or m about the middle of all.
-    #: The lines of a line, the outlines of polygons, the points.
+    #: (n,) complex each, in the file's system, or after `on_a_plane` in m about the middle of all
+    #: features. A part is a line, the outline of a polygon, or one or more points.
     parts: tuple[np.ndarray, ...]
     properties: Mapping[str, Any]
     #: What is wrong with its points; "": nothing.
@@ -48,7 +54,10 @@ class SurveyFile(NamedTuple):
 
 
 def name_of(candidates: list[Any], number: int) -> str:
-    """Return what names a feature: the first candidate that can, else its number in the file."""
+    """Return the name of a feature: the first candidate that is a text or a number, not empty.
+
+    Without such a candidate it is "number 3" for the third one in the file. `number`: from 1.
+    """
     for candidate in candidates:
         if isinstance(candidate, str | int) and str(candidate):
             return str(candidate)
@@ -56,13 +65,13 @@ def name_of(candidates: list[Any], number: int) -> str:
 
 
 def short_names(names: Iterable[str]) -> dict[str, str]:
-    """Return a name for each one, printable and of at most LONGEST_NAME characters.
+    """Return name -> short name, printable and of at most LONGEST_NAME characters.
 
-    Different names have different ones: those that would be alike get a number.
+    Different names have different short names: those that would be alike get a number.
     """
     short: dict[str, str] = {}
     taken = set[str]()
-    # Of each name that several would have, how many do.
+    # Short name that several names would have -> how many more of these there were so far.
     alike = Counter[str]()
     for name in dict.fromkeys(names):
         first = printable(name, LONGEST_NAME)
@@ -91,7 +100,7 @@ def all_points(features: Sequence[Feature]) -> np.ndarray:
 
 
 def fault_of_holes(count: int) -> str:
-    """Return what is wrong with a polygon that has so many holes; "" if it has none."""
+    """Return the fault of a polygon with so many holes, for `Feature.fault`; "" if it has none."""
     if not count:
         return ""
     holes = f"{count} holes"

@@ -1,4 +1,7 @@
-"""Reads a file of rows by what it holds, whatever its name is; says what another file is."""
+"""Reads a file of rows: finds its format by its content, whatever its name is.
+
+A file of another format is refused with the name of that format.
+"""
 
 from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
 
@@ -12,9 +15,10 @@ from orchard.surveys.options import Source
 from orchard.surveys.packed import ZIP, unpacked
 from orchard.surveys.table import read_table
 
-LARGEST_FILE = 10_000_000  # bytes
+# Bytes. GDAL reads larger files by itself.
+LARGEST_FILE = 10_000_000
 READABLE = "a file of rows is GeoJSON, KML, CSV, GeoPackage or Shapefile, or a zip archive of one"
-# How files begin that people take for a file of rows.
+# First bytes of files that people take for a file of rows -> what they are.
 _OTHERS = {
     b"\x89PNG": "a picture (PNG)",
     b"\xff\xd8\xff": "a picture (JPEG)",
@@ -41,7 +45,7 @@ def read_survey(source: Source) -> SurveyFile:
 
 
 def _read(source: Source) -> SurveyFile:
-    """Return what a file holds, with names as they stand there. Raises ScenarioError."""
+    """Return what a file holds, with names as they stand in the file. Raises ScenarioError."""
     content = _content(source)
     for beginning, words in _OTHERS.items():
         if content.startswith(beginning):

@@ -20,7 +20,8 @@ from orchard.surveys.features import (
     name_of,
 )
 
-# Type of a geometry -> the kind of feature, and whether its coordinates are a list of parts.
+# Type of a geometry -> the kind of feature, and whether its coordinates are a list of parts. Points
+# are one part, also if there are several.
 _KINDS = {
     "Point": (POINT, False),
     "MultiPoint": (POINT, False),
@@ -52,8 +53,9 @@ def read_geojson(text: bytes, file: str) -> SurveyFile:
 
 
 def _named_system(content: dict[str, Any]) -> str:
-    """Return the coordinate system that a file names, as GeoJSON of 2008 does, and QGIS and GDAL
-    still do.
+    """Return the coordinate system that a file names; LONGITUDE_LATITUDE if it names none.
+
+    GeoJSON of 2008 can name one, and QGIS and GDAL still write it.
     """
     match content.get("crs"):
         case {"properties": {"name": str(name)}}:
@@ -62,7 +64,7 @@ def _named_system(content: dict[str, Any]) -> str:
 
 
 def _feature(members: dict[str, Any], number: int) -> Feature:
-    """Return a feature. `number`: its place in the file, from 1."""
+    """Return a feature of the file. `members`: of its JSON. `number`: its place, from 1."""
     properties = members.get("properties")
     if not isinstance(properties, dict):
         properties = {}
@@ -78,32 +80,36 @@ def _feature(members: dict[str, Any], number: int) -> Feature:
     feature = Feature(name, kind, show(kind_in_file), (), properties)
     if not kind:
         return feature
-    listed: Any = geometry.get("coordinates")
+    coordinates_of_parts: Any = geometry.get("coordinates")
     if not has_several:
-        listed = [listed]
+        coordinates_of_parts = [coordinates_of_parts]
     try:
-        parts = _parts(listed, kind, kind_in_file == "Point")
+        parts = _parts(coordinates_of_parts, kind, kind_in_file == "Point")
     except ValueError as error:
         return feature._replace(fault=str(error))
     holes = 0
     if kind == POLYGON:
-        holes = sum(len(rings) - 1 for rings in listed)
+        # The first ring of a polygon is its outline, each further one a hole.
+        holes = sum(len(rings) - 1 for rings in coordinates_of_parts)
     return feature._replace(parts=tuple(parts), fault=fault_of_holes(holes))
 
 
-def _parts(listed: Any, kind: str, is_single: bool) -> list[np.ndarray]:
-    """Return the points of each part of a feature. Raises ValueError if there are none."""
-    if not isinstance(listed, list):
+def _parts(coordinates_of_parts: Any, kind: str, is_single: bool) -> list[np.ndarray]:
+    """Return the points of each part of a feature. Raises ValueError if there are none.
+
+    `is_single`: whether a part is one point, and no list of points.
+    """
+    if not isinstance(coordinates_of_parts, list):
         raise ValueError("must have at least two different points")
-    if not listed:
+    if not coordinates_of_parts:
         raise ValueError("has no points")
-    return [_part(coordinates, kind, is_single) for coordinates in listed]
+    return [_part(coordinates, kind, is_single) for coordinates in coordinates_of_parts]
 
 
 def _part(coordinates: Any, kind: str, is_single: bool) -> np.ndarray:
     """Return the points of a line, of a polygon's outline, or of points, (n,) complex.
 
-    Raises ValueError for what is none.
+    Raises ValueError for coordinates that are none of them. `is_single`: see `_parts`.
     """
     if is_single:
         coordinates = [coordinates]
@@ -121,7 +127,10 @@ def _part(coordinates: Any, kind: str, is_single: bool) -> np.ndarray:
 
 
 def _point(number: int, coordinates: Any) -> complex:
-    """Return a point. Raises ValueError, with its number in the line, for what is none."""
+    """Return a point, and leave out its height. Raises ValueError for coordinates of no point.
+
+    `number`: of the point in its part, from 1, for the error.
+    """
     try:
         x, y, *_ = coordinates
         # "176.3" and true are no numbers of JSON.

@@ -1,4 +1,8 @@
-"""A scenario from a file of surveyed rows: the way that all formats take."""
+"""A scenario from a file of surveyed rows: the way that all formats take.
+
+`orchard layout import` and the page call `import_survey`. The files beside this one do its parts, in
+the order in which it calls them.
+"""
 
 import math
 from collections.abc import Sequence
@@ -15,7 +19,7 @@ from orchard.field.survey import FEWEST_ROWS, MOST_ROWS, TRUNK
 from orchard.surveys.choosing import Chosen, blocks_of, chosen, listed
 from orchard.surveys.features import POINT, POLYGON, Feature
 from orchard.surveys.files import read_survey
-from orchard.surveys.options import LANES, TREES, Imported, ImportOptions, Source
+from orchard.surveys.options import LANES, MOST_COMMANDS, TREES, Imported, ImportOptions, Source
 from orchard.surveys.outlines import lines_of_polygons
 from orchard.surveys.pieces import joined
 from orchard.surveys.plane import Plane, on_a_plane, place_on_globe
@@ -35,7 +39,7 @@ def import_survey(path: Path, options: ImportOptions = ImportOptions()) -> Impor
     """Return a scenario with the rows of a file, and what was left out, joined or assumed.
 
     Raises ScenarioError with all that does not fit, and ModuleNotFoundError if a package of the
-    extra is not installed.
+    extra `survey` is not installed.
     """
     source = Source(key_text(str(path)), path, options)
     _check(options)
@@ -112,7 +116,10 @@ def _too_few(file: str, count: int) -> Problem:
 
 
 def _in_order(features: list[Feature], system: str, source: Source) -> list[Feature]:
-    """Return features with the easting first. Raises ScenarioError where the user must say it."""
+    """Return features with the easting first, and not the northing.
+
+    Raises ScenarioError where coordinates seem swapped, and the user does not say whether they are.
+    """
     is_swapped = source.options.swap_coordinates
     if is_swapped is None:
         reason = reason_to_swap(features, system)
@@ -132,6 +139,7 @@ def _rows_of(
     features: Sequence[Feature], plane: Plane, selection: Chosen, source: Source
 ) -> tuple[TurnedLines, list[str]]:
     """Return the lines of rows in their frame, and notes. Raises ScenarioError."""
+    # LANES or TREES; None: the user does not say it, and it does not follow from the file.
     lines_are = source.options.lines
     if selection.kind == POINT:
         lines, notes = lines_of_trees(features)
@@ -139,6 +147,7 @@ def _rows_of(
     elif selection.kind == POLYGON:
         lines, notes = lines_of_polygons(features, plane.north, source)
         if source.options.spacing is not None:
+            # Rows that were laid out in an outline.
             lines_are = LANES
     else:
         lines, notes = joined(features)
@@ -172,7 +181,7 @@ def _between(trees: TurnedLines, notes: list[str], source: Source) -> tuple[Turn
 def _problems_of_rows(
     rows: TurnedLines, features: Sequence[Feature], source: Source
 ) -> list[Problem]:
-    """Return what is wrong with rows, and how to get an answer anyway."""
+    """Return what is wrong with rows, and hints how the user gets an answer anyway."""
     count = len(rows.lines)
     problems = []
     if not FEWEST_ROWS <= count <= MOST_ROWS:
@@ -198,7 +207,10 @@ def _notes_of_blocks(features: Sequence[Feature], source: Source) -> list[str]:
 
 
 def _hints(rows: TurnedLines, features: Sequence[Feature], source: Source) -> list[Problem]:
-    """Return how to get an answer anyway."""
+    """Return hints how the user gets an answer although rows do not fit.
+
+    They are shown as problems of the file, after the others.
+    """
     hints = []
     if source.options.swap_coordinates is None and _fits(source, swap_coordinates=True):
         text = (
@@ -208,7 +220,7 @@ def _hints(rows: TurnedLines, features: Sequence[Feature], source: Source) -> li
     blocks = blocks_of(features)
     if source.options.block is None and len(blocks) > 1:
         commands = [source.command(block=name) for name in blocks]
-        text = f"has blocks; each alone may fit: {listed(commands, 20)}"
+        text = f"has blocks; each alone may fit: {listed(commands, MOST_COMMANDS)}"
         hints.append(Problem(source.file, text))
     text = "a line that is no row is left out by --without NAME"
     equal_rows = _equal_rows(rows.lines)
@@ -219,7 +231,10 @@ def _hints(rows: TurnedLines, features: Sequence[Feature], source: Source) -> li
 
 
 def _equal_rows(lines: Sequence[SurveyedLine]) -> str:
-    """Return the values of a scenario with as many equal rows; "" if there can be none."""
+    """Return the keys and values of a scenario with as many equal rows, in words.
+
+    "" if no such scenario is possible.
+    """
     # Along the rows: a line may come back to where it began.
     length = median([float(np.ptp(line.points.real)) for line in lines])
     values = {

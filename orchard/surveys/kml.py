@@ -24,7 +24,9 @@ from orchard.surveys.features import (
     name_of,
 )
 
+# Element of KML -> the kind of feature.
 _KINDS = {"LineString": LINE, "Polygon": POLYGON, "Point": POINT}
+# Elements within each other. A file of folders in folders needs about ten.
 _DEEPEST = 100
 
 
@@ -50,9 +52,10 @@ def read_kml(content: bytes, file: str) -> SurveyFile:
 
 
 def _parsed(content: bytes) -> Element:
-    """Return the root of an XML text, whose tags have no namespaces.
+    """Return the root of an XML text. Namespaces are taken off its tags.
 
-    Raises ExpatError if it is none, and _NotAllowed for a document type or for elements too deep.
+    Raises ExpatError for a text that is no XML, and _NotAllowed for a document type or for elements
+    too deep.
     """
     builder = TreeBuilder()
     parser = expat.ParserCreate()
@@ -98,7 +101,12 @@ def _text(element: Element, tag: str) -> str:
 
 
 def _feature(placemark: Element, folder: str, number: int) -> Feature:
-    """Return a placemark as a feature. `number`: its place in the file, from 1."""
+    """Return a placemark as a feature. `number`: its place in the file, from 1.
+
+    `folder`: the name of the folder that it is in, which counts as a property: many draw a block's
+    rows into a folder. A placemark without a geometry, or with several kinds of geometries, is of
+    no kind.
+    """
     properties: dict[str, Any] = {"folder": folder, "description": _text(placemark, "description")}
     for data in placemark.iter("SimpleData"):
         properties[data.get("name", "")] = (data.text or "").strip()
@@ -123,7 +131,10 @@ def _feature(placemark: Element, folder: str, number: int) -> Feature:
 
 
 def _points(element: Element | None, kind: str) -> np.ndarray:
-    """Return the points of an element, (n,) complex. Raises ValueError for what is none."""
+    """Return the points of an element `coordinates`, (n,) complex. Heights are left out.
+
+    Raises ValueError for coordinates that are no points, or too few for the kind.
+    """
     text = ""
     if element is not None:
         text = element.text or ""

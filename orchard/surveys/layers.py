@@ -1,5 +1,7 @@
-"""Reads GeoPackage and Shapefile by GDAL. Only this module uses pyogrio and shapely: they are in
-the extra `gis`.
+"""Reads GeoPackage and Shapefile by GDAL.
+
+Only this module uses pyogrio and shapely, which are in the extra `gis`. So they are imported where
+they are used: without the extra all other formats can still be read.
 """
 
 from typing import Any
@@ -18,9 +20,11 @@ from orchard.surveys.features import (
     fault_of_holes,
     name_of,
 )
-from orchard.surveys.options import Source
+from orchard.surveys.options import MOST_COMMANDS, Source
 
+# Type of a geometry of shapely -> the kind of feature.
 _KINDS = {"LineString": LINE, "LinearRing": LINE, "Polygon": POLYGON, "Point": POINT}
+# How these files begin. A GeoPackage is a database of SQLite.
 GEOPACKAGE = b"SQLite format 3\0"
 SHAPEFILE = b"\x00\x00\x27\x0a"
 
@@ -38,6 +42,7 @@ def read_layers(source: Source) -> SurveyFile:
         raise ScenarioError([Problem(source.file, text)]) from None
     try:
         layer = _layer(pyogrio.list_layers(source.path), source)
+        # `columns`: an array of the values of all features for each field.
         about, _, geometries, columns = pyogrio.raw.read(source.path, layer=layer)
         shapes = shapely.from_wkb(geometries)
     except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError) as error:
@@ -52,6 +57,7 @@ def read_layers(source: Source) -> SurveyFile:
         properties = {}
         for key, values in zip(about["fields"], columns, strict=True):
             value = values[number - 1]
+            # Numbers of numpy become numbers of Python, as other readers give them.
             if isinstance(value, np.generic):
                 value = value.item()
             properties[str(key)] = value
@@ -73,7 +79,8 @@ def _layer(layers: np.ndarray, source: Source) -> str:
         text = "has no layer with places"
         if names:
             commands = [source.command(layer=name) for name in names]
-            text = f"has {len(names)} layers. Say which has the rows: {listed(commands, 20)}"
+            shown = listed(commands, MOST_COMMANDS)
+            text = f"has {len(names)} layers. Say which has the rows: {shown}"
         raise ScenarioError([Problem(source.file, text)])
     return wanted or names[0]
 
@@ -82,8 +89,8 @@ def _feature(shape: Any, properties: dict[str, Any], number: int) -> Feature:
     """Return a geometry of shapely as a feature. `number`: its place in the layer, from 1."""
     import shapely
 
-    small = {key.lower(): value for key, value in properties.items()}
-    name = name_of([small.get(key) for key in NAMES], number)
+    in_small_letters = {key.lower(): value for key, value in properties.items()}
+    name = name_of([in_small_letters.get(key) for key in NAMES], number)
     if shape is None or shape.is_empty:
         return Feature(name, "", "null", (), properties)
     parts = []
@@ -105,7 +112,7 @@ def _feature(shape: Any, properties: dict[str, Any], number: int) -> Feature:
 
 
 def _outline(part: Any) -> np.ndarray:
-    """Return the points of a part: of a polygon those of its outline, (n,) complex."""
+    """Return the points of a geometry, (n,) complex; of a polygon those of its outline."""
     import shapely
 
     if part.geom_type == "Polygon":

@@ -1,4 +1,7 @@
-"""What a user says of a file of rows, where the file does not say it; and what came of it."""
+"""The options of an import: what a user says of a file of rows, where the file does not say it.
+
+Also the result of an import. Messages to users show commands with these options, ready to be run.
+"""
 
 import shlex
 from dataclasses import dataclass, fields, replace
@@ -11,6 +14,8 @@ from orchard.field.scenario import Scenario
 Lines = Literal["lanes", "trees"]
 LANES: Lines = "lanes"
 TREES: Lines = "trees"
+# Commands in a message, at most: a block or a layer has one each.
+MOST_COMMANDS = 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,22 +26,28 @@ class ImportOptions:
     crs: str | None = None
     #: LANES or TREES; None: trees if the file has points, else lanes.
     lines: Lines | None = None
-    #: Whether the first coordinate is the northing; None: asked, where that is likely.
+    #: Whether the first coordinate is the northing; None: the user does not say it, and an import
+    #: fails with the question where it seems so.
     swap_coordinates: bool | None = None
-    #: The layer of a GeoPackage; None: it has one.
+    #: The layer of a GeoPackage; None: it has only one.
     layer: str | None = None
     #: The block that is taken; None: all.
     block: str | None = None
     #: Names of features that are no rows.
     without: tuple[str, ...] = ()
-    #: Of the rows in a block's outline: clockwise from north, degrees; m between them; m without
-    #: trees at both ends.
+    #: Direction of the rows in a block's outline, degrees clockwise from north.
     direction: float | None = None
+    #: m between these rows. With it a polygon is the outline of a block.
     spacing: float | None = None
+    #: m without trees at both ends of these rows.
     headland: float | None = None
 
     def command(self, file: str, **changes: Any) -> str:
-        """Return the command of an import of a file, with changes of these options."""
+        """Return the command line of an import of a file, with changes of these options.
+
+        An option is named like its field. Only `swap_coordinates` has two: --swap-coordinates and
+        --keep-coordinates.
+        """
         words = ["orchard", "layout", "import", file]
         changed = replace(self, **changes)
         for field in fields(changed):
@@ -62,8 +73,9 @@ class Imported(NamedTuple):
     scenario: Scenario
     #: What was left out, joined or assumed, a sentence each.
     notes: list[str]
-    #: Latitude and longitude of the middle, degrees.
+    #: Of the middle of all rows, degrees.
     latitude: float
+    #: Of the middle of all rows, degrees.
     longitude: float
     #: Of the rows, clockwise from north, degrees from 0 to 180.
     direction: float
@@ -72,8 +84,9 @@ class Imported(NamedTuple):
 class Source(NamedTuple):
     """A file that is read, and what a user says of it."""
 
-    #: Its name, for people.
+    #: Its name, for people: of an archive, if it is a file in one.
     file: str
+    #: Where it is read from.
     path: Path
     options: ImportOptions
 

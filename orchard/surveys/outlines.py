@@ -1,4 +1,7 @@
-"""Polygons: each a row, or the outline of a block, in which rows are laid out."""
+"""Lines of rows from polygons: each polygon is a row, or one is the outline of a block.
+
+In an outline rows are laid out. Points are complex numbers here, x + i y, m on the ground.
+"""
 
 import cmath
 import math
@@ -15,12 +18,14 @@ from orchard.surveys.features import Feature
 from orchard.surveys.options import ImportOptions, Source
 from orchard.surveys.rows import SurveyedLine
 
-# Times its width, from which on a polygon is a row.
+# A polygon is a row if its length is at least so many times its width.
 ELONGATED = 3.0
-# m without trees at both ends of the rows in an outline, where the user says nothing.
+# m without trees at both ends of the rows in an outline, where the user does not say it.
 HEADLAND = 0.0
 # Degrees.
 FULL_TURN = 360.0
+# Rows by which a number of rows may miss a whole number because of rounding.
+ROUNDING = 1e-6
 
 
 def lines_of_polygons(
@@ -62,13 +67,13 @@ def _sizes(outline: np.ndarray) -> tuple[float, float]:
 
 
 def _longest_side(outline: np.ndarray) -> float:
-    """Return the direction of the longest side of a polygon, rad."""
+    """Return the direction of the longest side of a polygon, rad from the x axis."""
     sides = np.diff(np.append(outline, outline[0]))
     return cmath.phase(complex(sides[np.abs(sides).argmax()]))
 
 
 def _is_row(feature: Feature) -> bool:
-    """Whether a polygon is long enough for its width to be a row."""
+    """Whether a polygon is one row: long for its width, and no wider than rows can be."""
     if len(feature.parts) != 1:
         return False
     length, width = _sizes(feature.parts[0])
@@ -87,7 +92,7 @@ def _centre_line(outline: np.ndarray) -> np.ndarray:
 
 
 def _check(options: ImportOptions) -> None:
-    """Check how rows are to be laid out. Raises ScenarioError."""
+    """Check the options of rows that are laid out in an outline. Raises ScenarioError."""
     spacing = options.spacing
     assert spacing is not None
     headland = options.headland
@@ -107,7 +112,11 @@ def _check(options: ImportOptions) -> None:
 def _rows_in(
     feature: Feature, north: float, source: Source
 ) -> tuple[list[SurveyedLine], list[str]]:
-    """Return rows in an outline: half the spacing inside its edge, then a spacing apart."""
+    """Return rows in an outline, and notes.
+
+    The first row lies half the spacing inside the edge, each further one a spacing away. `north`:
+    its direction, rad from the x axis.
+    """
     options = source.options
     spacing = options.spacing
     assert spacing is not None
@@ -129,13 +138,15 @@ def _rows_in(
         )
     else:
         yaw = north - math.radians(options.direction)
+    # In a frame whose x axis runs along the rows.
     turn = cmath.exp(1j * yaw)
     in_frame = outline / turn
     lines: list[SurveyedLine] = []
+    # Numbers of rows that are too short, and that leave the outline and come back.
     short = 0
     parted = 0
     top = float(in_frame.imag.max())
-    count = int((np.ptp(in_frame.imag) - spacing / 2) / spacing + 1e-6) + 1
+    count = int((np.ptp(in_frame.imag) - spacing / 2) / spacing + ROUNDING) + 1
     for number in range(count):
         y = top - spacing * (number + 0.5)
         spans = _spans(in_frame, y)
@@ -158,11 +169,16 @@ def _rows_in(
 
 
 def _spans(outline: np.ndarray, y: float) -> list[tuple[float, float]]:
-    """Return from where to where a line at y lies inside a polygon, m."""
+    """Return the parts of a line along x that lie inside a polygon: x from and to of each, m.
+
+    `outline`: (n,) complex. `y`: of the line, m.
+    """
     crossings = []
     for begin, end in pairwise([*outline.tolist(), complex(outline[0])]):
-        if (begin.imag <= y) != (end.imag <= y):
+        crosses_line = (begin.imag <= y) != (end.imag <= y)
+        if crosses_line:
             share = (y - begin.imag) / (end.imag - begin.imag)
             crossings.append(begin.real + share * (end.real - begin.real))
     crossings.sort()
+    # The line enters the polygon at every second crossing, and leaves it at the next one.
     return list(zip(crossings[::2], crossings[1::2], strict=False))

@@ -10,16 +10,19 @@ from orchard.field.problems import Problem, ScenarioError, printable
 from orchard.surveys.choosing import listed
 from orchard.surveys.options import Source
 
+# How a zip archive begins.
 ZIP = b"PK\x03\x04"
+# Endings of the names of files of rows.
 OF_ROWS = (".shp", ".gpkg", ".kml", ".geojson", ".json", ".csv")
-MOST_UNPACKED = 50_000_000  # bytes of a file of rows, with those that belong to it
+# Bytes of a file of rows, with the files that belong to it, when they are unpacked.
+MOST_UNPACKED = 50_000_000
 
 
 @contextmanager
 def unpacked(source: Source) -> Iterator[Source]:
-    """Yield the file of rows in an archive, which is told of by the archive's name.
+    """Yield the file of rows in an archive, unpacked. Problems name it by the archive's name.
 
-    Raises ScenarioError if there is not exactly one.
+    It is removed at the end of the context. Raises ScenarioError if there is not exactly one.
     """
     with TemporaryDirectory() as folder:
         try:
@@ -33,7 +36,10 @@ def unpacked(source: Source) -> Iterator[Source]:
 
 
 def _unpack(archive: ZipFile, source: Source, folder: Path) -> Path:
-    """Write the file of rows, and those that belong to it, into a folder. Return where it is."""
+    """Write the file of rows into a folder, with the files that belong to it. Return its path.
+
+    Files of the same name without ending belong together, as those of a Shapefile.
+    """
     member = _of_rows(archive, source)
     stem = PurePosixPath(member.filename).with_suffix("")
     size = 0
@@ -44,7 +50,7 @@ def _unpack(archive: ZipFile, source: Source, folder: Path) -> Path:
         size += part.file_size
         if size > MOST_UNPACKED:
             raise _fault(source, f"is too large unpacked; at most {MOST_UNPACKED:,} bytes")
-        # The names are ours, so none leads out of the folder.
+        # The names are chosen here, so none leads out of the folder, as one in the archive could.
         (folder / f"rows{path.suffix.lower()}").write_bytes(archive.read(part))
     return folder / f"rows{PurePosixPath(member.filename).suffix.lower()}"
 

@@ -1,4 +1,8 @@
-"""Joins the pieces of which a row is drawn."""
+"""Joins the pieces of which a row is drawn to one line.
+
+A row may be drawn in pieces as parts of one feature, as features of the same name, or as features
+with names of their own. The rows' frame is one whose x axis runs along the rows, in m.
+"""
 
 import cmath
 from collections.abc import Sequence
@@ -12,33 +16,39 @@ from orchard.surveys.choosing import listed
 from orchard.surveys.features import Feature
 from orchard.surveys.rows import SurveyedLine, direction_of
 
-# m beside each other, at most, of pieces of one row.
+# Pieces of one row may lie so far beside each other, m.
 IN_LINE = 1.0
-# m, at most, between pieces of one row that have names of their own.
+# Between pieces of one row with different names may lie so much, m; with the same name more.
 CLOSE = 10.0
-# m, at most, by which such pieces overlap.
+# Pieces of one row may overlap by so much, m.
 OVERLAP = 0.5
 
 
 class _Piece(NamedTuple):
-    """A part of a row, in a frame whose x axis runs along the rows, m."""
+    """A part of a row, in the rows' frame."""
 
     name: str
-    #: Whether its feature has several parts, or its name stands at several features.
+    #: Whether other pieces have the same name.
     has_others: bool
+    #: (n,) complex, x + i y, m.
     points: np.ndarray
 
     @property
     def west(self) -> float:
+        """x of its west end, m."""
         return float(self.points.real.min())
 
     @property
     def east(self) -> float:
+        """x of its east end, m."""
         return float(self.points.real.max())
 
 
 def joined(features: Sequence[Feature]) -> tuple[list[SurveyedLine], list[str]]:
-    """Return a line for each row, on the ground, and what was joined, in words."""
+    """Return a line for each row, on the ground, and notes of what was joined.
+
+    Rows come in the order of the file. A row has the name of its westernmost piece.
+    """
     lines = []
     # Name of a row -> its place in the file.
     places: dict[str, int] = {}
@@ -82,12 +92,14 @@ def _eastward(points: np.ndarray) -> np.ndarray:
 def _rows(pieces: Sequence[_Piece]) -> list[list[_Piece]]:
     """Return the pieces of each row, from west to east."""
     rows: list[list[_Piece]] = []
+    # From west to east, so that a piece only ever follows the last piece of a row.
     for piece in sorted(pieces, key=lambda piece: piece.west):
         for row in rows:
             if _continues(row[-1], piece):
                 row.append(piece)
                 break
         else:
+            # It continues no row, and so begins another one.
             rows.append([piece])
     return rows
 
@@ -103,7 +115,10 @@ def _continues(west: _Piece, east: _Piece) -> bool:
 
 
 def _notes(rows: Sequence[Sequence[_Piece]]) -> list[str]:
-    """Return what was joined, and which gaps are no more."""
+    """Return what was joined, and which gaps in rows are not gaps any more, a sentence each.
+
+    `rows`: the pieces of each row.
+    """
     several = [row for row in rows if len(row) > 1]
     if not several:
         return []

@@ -1,8 +1,9 @@
 """Coordinate systems: from that of a file to metres on the ground.
 
-Features are put into a projected system that keeps angles: their own, or the zone of UTM. A point
-is a complex number here: easting + i northing. Only this module uses pyproj, and only when rows
-are imported: it is in the extra `survey`.
+Features are put into a projected system that keeps angles: their own if it does, else the zone of
+UTM in which they lie. A point is a complex number here: easting + i northing, or longitude + i
+latitude in a geographic system. Only this module and swapped.py use pyproj. It is in the extra
+`survey`, and so it is imported where it is used.
 """
 
 import math
@@ -15,9 +16,9 @@ from orchard.field.problems import printable
 from orchard.surveys.features import LONGITUDE_LATITUDE, Feature, all_points
 
 RIGHT_SYSTEM = "name that of the file, geographic or projected: --crs EPSG:2193, for example"
-# m along each axis, in which the scale of a system is measured.
+# m along each axis, over which scale and north of a system are measured.
 STEP = 100.0
-# The share by which the scales of a system along both axes may differ.
+# The share by which the scales along both axes may differ in a system that keeps angles.
 CONFORMAL = 1e-4
 # EPSG numbers of UTM, to which the number of a zone is added.
 UTM_NORTH = 32600
@@ -28,9 +29,9 @@ class Plane(NamedTuple):
     """A projected coordinate system at an orchard."""
 
     crs: str
-    #: Of the orchard, in the system's unit.
+    #: The middle of the orchard, in the system's unit.
     middle: complex
-    #: Of the system's units in a metre on the ground.
+    #: The system's units in a metre on the ground.
     scale: float
     #: The direction of north at the middle, rad from the system's east.
     north: float
@@ -50,12 +51,13 @@ def on_a_plane(features: Sequence[Feature], name: str) -> tuple[Plane, list[Feat
             raise ValueError(
                 f"{_words(name)} has no places on a map: it is {own.type_name}; {RIGHT_SYSTEM}"
             )
-        # This also finds points outside a projected system.
+        # In longitude and latitude. This also finds points that lie outside a projected system.
         on_globe = _converted(own, own.geodetic_crs or own, features)
         crs = own
         scale = 0.0
         if own.is_projected:
             scale = _scale(own, _middle_of(features))
+        # A geographic system, or a projected one that does not keep angles.
         if not scale:
             crs = CRS.from_epsg(_utm_zone(_middle_of(on_globe)))
             features = _converted(own, crs, features)
@@ -75,7 +77,11 @@ def on_a_plane(features: Sequence[Feature], name: str) -> tuple[Plane, list[Feat
 
 
 def _utm_zone(place: complex) -> int:
-    """Return the EPSG number of the zone of UTM at a longitude and latitude, degrees."""
+    """Return the EPSG number of the zone of UTM at a place.
+
+    `place`: longitude + i latitude, degrees. A zone is 6 degrees wide; the first of 60 begins at
+    longitude -180.
+    """
     zone = int((place.real + 180.0) // 6.0) % 60 + 1
     if place.imag < 0:
         return UTM_SOUTH + zone
@@ -88,9 +94,9 @@ def _words(name: str) -> str:
 
 
 def _converted(source: Any, target: Any, features: Sequence[Feature]) -> list[Feature]:
-    """Return features of one coordinate system in another one.
+    """Return features of the coordinate system `source` in the system `target`, both of pyproj.
 
-    Raises ValueError for a point that is no place in the first one.
+    Raises ValueError for a point that is no place in `source`.
     """
     from pyproj import Transformer
 
@@ -105,7 +111,7 @@ def _converted(source: Any, target: Any, features: Sequence[Feature]) -> list[Fe
         parts = []
         for part in feature.parts:
             x, y = transformer.transform(part.real, part.imag)
-            # A place that is none is infinite, and refused below.
+            # pyproj returns infinity for a point that is no place; it is refused below.
             with np.errstate(invalid="ignore"):
                 points = np.asarray(x) + 1j * np.asarray(y)
             is_within = np.abs(part.real) <= most_x
@@ -123,16 +129,20 @@ def _converted(source: Any, target: Any, features: Sequence[Feature]) -> list[Fe
 
 
 def _scale(crs: Any, middle: complex) -> float:
-    """Return a projected system's units in a metre on the ground; 0 if they differ between its
-    axes, or these are not east and north.
+    """Return a projected system's units in a metre on the ground; 0 if it does not keep angles.
+
+    It does not if these units differ between its axes. It is 0 too if its axes are not east and
+    north. `middle`: where they are measured.
     """
     from pyproj import Transformer
 
     if {axis.direction for axis in crs.axis_info[:2]} != {"east", "north"}:
         return 0.0
     to_globe = Transformer.from_crs(crs, crs.geodetic_crs, always_xy=True)
+    # STEP in the system's unit.
     units = STEP / crs.axis_info[0].unit_conversion_factor
     scales = []
+    # A unit to the east, and a unit to the north.
     for axis in (1, 1j):
         begin = middle - units * axis / 2
         end = middle + units * axis / 2
@@ -146,18 +156,22 @@ def _scale(crs: Any, middle: complex) -> float:
 
 
 def _north(crs: Any, middle: complex, scale: float) -> float:
-    """Return the direction of north at a place of a projected system, rad from its east."""
+    """Return the direction of true north at a place of a projected system, rad from its east.
+
+    `middle`: the place. `scale`: the system's units in a metre.
+    """
     from pyproj import Transformer
 
     to_globe = Transformer.from_crs(crs, crs.geodetic_crs, always_xy=True)
     end = middle + STEP * scale * 1j
     lon, lat = to_globe.transform([middle.real, end.real], [middle.imag, end.imag])
+    # Of the system's own north, degrees clockwise from true north.
     azimuth, _, _ = crs.get_geod().inv(lon[0], lat[0], lon[1], lat[1])
     return math.pi / 2 + math.radians(azimuth)
 
 
 def _middle_of(features: Sequence[Feature]) -> complex:
-    """Return the middle of all points."""
+    """Return the middle of the box around all points."""
     points = all_points(features)
     return complex(middle(points.real), middle(points.imag))
 

@@ -1,7 +1,9 @@
 """A scenario from the lines of rows, each the centre line of a row, m on the ground.
 
-One rotation and one shift lead to the frame `map`: rows along x, the first one in the north
-(REP-103). A point is a complex number here: easting + i northing, or x + i y.
+A line goes through three frames. On the ground: easting and northing about the middle of all, m.
+In the rows' frame: turned so that rows lie along x, the first one in the north. In the frame `map`
+(REP-103) of the scenario: shifted to where the layout has its first row. A point is a complex
+number here: easting + i northing, or x + i y.
 """
 
 import cmath
@@ -19,17 +21,19 @@ from orchard.field.scenario import Scenario, check
 from orchard.field.survey import CLOSEST, SurveyedRow, faults_of
 from orchard.surveys.plane import Plane, middle
 
-# m, at most, from a point of a row to its straight line, and to the direction of all rows.
+# m, at most, by which a row is bent, or its ends are off the direction of all rows.
 STRAIGHT = 0.2
-# Of metres, in the scenario.
+# Decimals of lengths in the scenario, m: to the millimetre.
 DIGITS = 3
+# Decimals of angle and scale of the scenario's origin: over a km they are exact to 1e-5 m.
+DIGITS_OF_ORIGIN = 8
 
 
 class SurveyedLine(NamedTuple):
-    """A row as surveyed."""
+    """A row, or a line of trees, as surveyed."""
 
     id: str
-    # (n,) complex, m on the ground about the middle of all, then m in the rows' frame.
+    # (n,) complex, m, on the ground or in the rows' frame.
     points: np.ndarray
 
 
@@ -60,20 +64,24 @@ def _middle_y(line: SurveyedLine) -> float:
 
 
 def direction_of(lines: Sequence[SurveyedLine]) -> float:
-    """Return the rows' direction, rad, in (-pi / 2, pi / 2]: the median, so that one line that is
-    askew does not turn the others.
+    """Return the direction of rows on the ground, rad from east, in (-pi / 2, pi / 2].
+
+    It is the median, so that one line that is askew does not turn the others.
     """
     vectors = [_vector(line.points) for line in lines]
     longest = max(vectors, key=abs)
-    # A line may run from either end: the square of a vector is the same for both.
+    # The angle of each line to the longest one. A line may run from either end: the square of a
+    # vector is the same for both.
     turns = [cmath.phase((vector / longest) ** 2) / 2 for vector in vectors]
     yaw = cmath.phase(longest) + median(turns)
+    # Half a turn more or less is the same direction.
     return yaw - math.pi * math.ceil(yaw / math.pi - 0.5)
 
 
 def _vector(points: np.ndarray) -> complex:
-    """Return the vector from a line's first point to its last one; to the farthest one, if the line
-    comes back to where it began.
+    """Return the vector from a line's first point to its last one, m.
+
+    If the line comes back to where it began, it is that to the point farthest away.
     """
     vectors = points - points[0]
     return complex(vectors[-1] or vectors[np.abs(vectors).argmax()])
@@ -83,8 +91,10 @@ def faults_of_lines(lines: Sequence[SurveyedLine]) -> Iterator[tuple[str, str]]:
     """Yield what is wrong with lines in the rows' frame: the id of a line, and its fault."""
     is_any_askew = False
     for line in lines:
+        # Off its own direction, and off that of all rows.
         own_bend = _bend(_turned(line, -cmath.phase(_vector(line.points))))
         bend = _bend(line)
+        # Such a line may cross its neighbour.
         is_any_askew |= bend > CLOSEST / 2
         if own_bend > STRAIGHT:
             yield (
@@ -107,18 +117,24 @@ def faults_of_lines(lines: Sequence[SurveyedLine]) -> Iterator[tuple[str, str]]:
 
 
 def _bend(line: SurveyedLine) -> float:
-    """Return how far a line is from a straight one along x, m."""
+    """Return how far a line is off a straight line along x, m: half the width that it takes."""
     return float(np.ptp(line.points.imag)) / 2
 
 
 def _corner(lines: Sequence[SurveyedLine]) -> complex:
-    """Return the corner from which rows count: the x that lies farthest west, the first row's y."""
+    """Return the point from which starts and souths of rows count, in the rows' frame, m.
+
+    Its x is that of the westernmost end of all lines, its y that of the first line.
+    """
     west = min(float(line.points.real.min()) for line in lines)
     return complex(west, _middle_y(lines[0]))
 
 
 def _rows(lines: Sequence[SurveyedLine]) -> list[SurveyedRow]:
-    """Return lines in the rows' frame as rows of a scenario, from north to south."""
+    """Return lines in the rows' frame as rows of a scenario, from north to south.
+
+    They are not checked: `faults_of_lines` tells what is wrong in words of the file.
+    """
     corner = _corner(lines)
     rows = []
     for line in lines:
@@ -132,14 +148,18 @@ def _rows(lines: Sequence[SurveyedLine]) -> list[SurveyedRow]:
     return rows
 
 
-def scenario_of(rows_on_ground: TurnedLines, plane: Plane, file: str) -> Scenario:
-    """Return the scenario of lines, with the origin of its frame `map`. Raises ScenarioError."""
-    lines = rows_on_ground.lines
-    yaw = rows_on_ground.yaw
+def scenario_of(turned_rows: TurnedLines, plane: Plane, file: str) -> Scenario:
+    """Return the scenario of lines, with the place of its frame `map` on the earth.
+
+    `file`: names the values in errors. Raises ScenarioError.
+    """
+    lines = turned_rows.lines
+    yaw = turned_rows.yaw
     rows = _rows(lines)
     survey: dict[str, Any] = {"rows": [row.model_dump() for row in rows]}
     length = round(max(row.start + row.length for row in rows), DIGITS)
     values = {"rows": len(rows), "row_length": length, "survey": survey}
+    # A first layout, without the origin, tells where the first row lies on the map.
     layout = lay_out(check(values, file))
     corner_on_map = complex(ROW_WEST, layout.lane(1).y)
     shift = _corner(lines) - corner_on_map
@@ -148,7 +168,7 @@ def scenario_of(rows_on_ground: TurnedLines, plane: Plane, file: str) -> Scenari
         "crs": plane.crs,
         "x": round(origin.real, DIGITS),
         "y": round(origin.imag, DIGITS),
-        "yaw": round(yaw, 8),
-        "scale": round(plane.scale, 8),
+        "yaw": round(yaw, DIGITS_OF_ORIGIN),
+        "scale": round(plane.scale, DIGITS_OF_ORIGIN),
     }
     return check(values, file)

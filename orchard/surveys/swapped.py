@@ -1,4 +1,8 @@
-"""Latitude and longitude, or northing and easting, in the wrong order: whether they seem so."""
+"""Finds coordinates that seem swapped: latitude before longitude, or northing before easting.
+
+A point is easting + i northing, or longitude + i latitude. Degrees of longitude have no begin: an
+area may reach over 180 degrees, so differences are taken in a circle of 360.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -7,15 +11,15 @@ import numpy as np
 
 from orchard.surveys.features import Feature, all_points
 
-# Degrees around the area for which a system is meant, within which a place may lie.
+# A place may lie so far outside the area for which a system is meant, degrees.
 NEAR = 2.0
-# Square degrees of the smallest area with a name that holds a place on land, at most: it is a
-# country. The areas around an ocean are larger.
+# EPSG lists areas with names, among them all countries. A place lies on land if an area of at most
+# so many square degrees holds it. Areas that hold an ocean are larger.
 LARGEST_COUNTRY = 8000.0
 
 
 def with_swapped(features: Sequence[Feature]) -> list[Feature]:
-    """Return features whose first coordinate is the northing."""
+    """Return features whose first coordinate was the northing, with the easting first."""
     result = []
     for feature in features:
         parts = tuple(part.imag + 1j * part.real for part in feature.parts)
@@ -49,7 +53,10 @@ def reason_to_swap(features: Sequence[Feature], name: str) -> str:
 
 
 def _of_degrees(middle: complex, swapped: complex) -> str:
-    """Return why a place of longitude + i latitude seems swapped; "" if it does not."""
+    """Return why degrees seem swapped; "" if they do not.
+
+    `middle`, `swapped`: the place as it stands in the file, and with its coordinates swapped.
+    """
     if not _is_place(swapped):
         return ""
     if not _is_place(middle):
@@ -73,7 +80,9 @@ def _is_near(own: Any, at: complex) -> bool:
     longitude, latitude = to_globe.transform(at.real, at.imag)
     if not _is_place(complex(longitude, latitude)):
         return False
+    # Degrees. 0 is all around the earth.
     width = (area.east - area.west) % 360.0 or 360.0
+    # Degrees east of a point that lies NEAR west of the area.
     east_of_area = (longitude - area.west + NEAR) % 360.0
     is_between = area.south - NEAR <= latitude <= area.north + NEAR
     return bool(is_between and east_of_area <= width + 2 * NEAR)

@@ -1,7 +1,8 @@
 """Reads CSV with a line of column names: the ends of rows, or trees.
 
-A line of the table is a point with the name of its row, or a row with both ends. Columns may be
-parted by commas, semicolons or tabs; without commas between columns, numbers may have them.
+A record, a line of the table, is a point with the name of its row, or a row with both ends. Columns
+may be parted by commas, semicolons or tabs. Unless commas part them, numbers may have a decimal
+comma.
 """
 
 import csv
@@ -10,7 +11,7 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from orchard.surveys.choosing import listed
 from orchard.surveys.features import LINE, LONGITUDE_LATITUDE, POINT, Feature, SurveyFile
 from orchard.surveys.texts import text_of
 
+# Names of columns, in small letters and without spaces and signs.
 _LATITUDE = ("latitude", "lat")
 _LONGITUDE = ("longitude", "long", "lon", "lng")
 _NORTHING = ("northing", "north", "y", "n")
@@ -27,23 +29,28 @@ _ROW = ("row", "rowid", "rowname", "rownumber", "rowno", "line", "name", "id", "
 _TREE = ("tree", "treeid", "treeno", "vine", "plant", "plantid")
 # Beginnings and ends of the names of columns that are of one end of a row.
 _ENDS = (("start", "begin", "from", "1"), ("end", "to", "2"))
-# Points of a row, on average. If there are more, they are its trees.
+# If a table has more points than this of a row, on average, they are its trees, not its ends.
 MOST_OF_A_LINE = 3.0
+# An example for users.
 COLUMNS = "row,latitude,longitude"
+# The separator is the one that stands most often in the first line; of equal ones the first here.
 _SEPARATORS = ";\t,"
 
 
 class _Columns:
-    """Which column of a table is what."""
+    """What the columns of a table mean. A column is a number, from 0; None: there is none."""
 
     def __init__(self, names: list[str]) -> None:
         """Find the columns. `names`: as the file has them."""
         self.names = names
+        # Without case, spaces and signs.
         plain = [re.sub(r"[^a-z0-9]", "", name.lower()) for name in names]
+        #: The column with the names of rows, and the one with names of trees.
         self.row = _first(plain, _ROW)
         self.tree = _first(plain, _TREE)
+        #: Whether places are degrees.
         self.is_geographic = True
-        #: Columns of x and y: of a point, or of both ends of a row.
+        #: Columns of x and y of a point, or a pair for each end of a row; empty: none was found.
         self.places: list[tuple[int, int]] = []
         self._find(plain, _LONGITUDE, _LATITUDE)
         if not self.places:
@@ -53,7 +60,11 @@ class _Columns:
     def _find(
         self, plain: list[str], eastings: tuple[str, ...], northings: tuple[str, ...]
     ) -> None:
-        """Find the columns of places by their names without case, spaces and signs."""
+        """Find the columns of places, and set `places`.
+
+        `plain`: the names of all columns, without case, spaces and signs. `eastings`, `northings`:
+        possible names for x and for y.
+        """
         x = _first(plain, eastings)
         y = _first(plain, northings)
         if x is not None and y is not None:
@@ -78,7 +89,10 @@ def _first(plain: list[str], names: tuple[str, ...]) -> int | None:
 
 
 def _with_end(names: tuple[str, ...], words: tuple[str, ...]) -> tuple[str, ...]:
-    """Return names of columns of one end of a row: "startlat", "latstart"."""
+    """Return names of columns of one end of a row: "startlat", "latstart".
+
+    `names`: of a coordinate. `words`: for this end.
+    """
     result = []
     for word in words:
         for name in names:
@@ -86,13 +100,15 @@ def _with_end(names: tuple[str, ...], words: tuple[str, ...]) -> tuple[str, ...]
     return tuple(result)
 
 
-class _Record:
+class _Record(NamedTuple):
     """A line of the table."""
 
-    def __init__(self, number: int, points: list[complex], properties: dict[str, Any]) -> None:
-        self.number = number
-        self.points = points
-        self.properties = properties
+    #: Of the line in the file, from 1.
+    number: int
+    #: A point, or both ends of a row: x + i y.
+    points: list[complex]
+    #: Name of a column -> text in it.
+    properties: dict[str, Any]
 
 
 def read_table(content: bytes, file: str) -> SurveyFile:
@@ -113,7 +129,10 @@ def read_table(content: bytes, file: str) -> SurveyFile:
 
 
 def _columns_of(head: str, separator: str, file: str) -> _Columns:
-    """Return which column is what. Raises ScenarioError if there are no places."""
+    """Return what the columns mean. Raises ScenarioError if none has places.
+
+    `head`: the first line of the table.
+    """
     try:
         names = next(csv.reader([head], delimiter=separator))
     except (csv.Error, StopIteration):
@@ -132,7 +151,7 @@ def _columns_of(head: str, separator: str, file: str) -> _Columns:
 def _records(
     text: str, separator: str, columns: _Columns, file: str
 ) -> tuple[list[_Record], list[Problem]]:
-    """Return the lines of the table, and what is wrong with others."""
+    """Return the records of the table that can be read, and what is wrong with the others."""
     reader = csv.reader(io.StringIO(text.lstrip(), newline=""), delimiter=separator)
     records = []
     problems = []
@@ -155,7 +174,10 @@ def _records(
 
 
 def _point(cells: list[str], place: tuple[int, int], columns: _Columns, separator: str) -> complex:
-    """Return a point of a line. Raises ValueError for what is none."""
+    """Return the point in some cells of a record. Raises ValueError if it is no point.
+
+    `place`: the columns of x and y.
+    """
     values = []
     for column in place:
         cell = ""
@@ -164,7 +186,7 @@ def _point(cells: list[str], place: tuple[int, int], columns: _Columns, separato
         if separator != "," and "." not in cell:
             cell = cell.replace(",", ".")
         try:
-            # Python reads 17_6 as 176.
+            # Python would read 17_6 as 176. With a space it is no number.
             value = float(cell.replace("_", " "))
         except ValueError:
             value = math.nan
@@ -179,14 +201,14 @@ def _point(cells: list[str], place: tuple[int, int], columns: _Columns, separato
 
 
 def _row_name(record: _Record, columns: _Columns) -> str:
-    """Return the name of the row of a line; "" if it has none."""
+    """Return the name of a record's row; "" if it has none."""
     if columns.row is None:
         return ""
     return str(record.properties.get(columns.names[columns.row], "")).strip()
 
 
 def _row(record: _Record, columns: _Columns) -> Feature:
-    """Return a line with both ends of a row as a feature."""
+    """Return a record with both ends of a row as a feature."""
     name = _row_name(record, columns) or f"line {record.number}"
     points = np.array(record.points)
     feature = Feature(name, LINE, "row", (points,), record.properties)
@@ -204,11 +226,12 @@ def _are_trees(columns: _Columns, records_of: dict[str, list[_Record]]) -> bool:
         return True
     count = sum(len(of_row) for of_row in records_of.values())
     rows = len(records_of)
+    # If each point has a name of its own, these are names of points, and not of rows.
     return count == rows or count > MOST_OF_A_LINE * rows
 
 
 def _features_of_points(records: list[_Record], columns: _Columns) -> list[Feature]:
-    """Return rows, if there are two or three points of each, else trees."""
+    """Return rows, if there are two or three points of each on average, else trees."""
     records_of: dict[str, list[_Record]] = defaultdict(list)
     for record in records:
         records_of[_row_name(record, columns)].append(record)
@@ -227,7 +250,7 @@ def _features_of_points(records: list[_Record], columns: _Columns) -> list[Featu
 
 
 def _row_of_points(name: str, records: Sequence[_Record]) -> Feature:
-    """Return the row of which these are the points."""
+    """Return the row that has these points. Points at one place are one end only: a fault."""
     points = np.array([record.points[0] for record in records])
     fault = ""
     if len(set(points.tolist())) < 2:

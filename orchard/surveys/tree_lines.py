@@ -1,4 +1,7 @@
-"""Lines of trees: the rows that are picked are the lanes between them."""
+"""Lines of trees: the rows that are picked are the lanes between them.
+
+A file's lines may be lanes or lines of trees. `note_of_lines` finds out which, or asks the user.
+"""
 
 import re
 from collections.abc import Sequence
@@ -57,9 +60,10 @@ def _midway(north: np.ndarray, south: np.ndarray) -> np.ndarray:
 
 
 def note_of_lines(features: Sequence[Feature], count: int, source: Source) -> str:
-    """Return how lines were understood, and how to say otherwise.
+    """Return the note that lines were taken for lanes, and how the user says otherwise.
 
     Raises ScenarioError where the file speaks of trees, and the user does not say what lines are.
+    `count`: of the lines.
     """
     if source.options.lines == LANES:
         return ""

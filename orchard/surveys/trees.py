@@ -1,7 +1,8 @@
-"""Trees as points: the direction of their lines, and each line.
+"""Trees as points: finds the lines in which they stand.
 
-The right direction is that in which the points fill the fewest strips. If the points name their
-rows, each name is a line.
+If the points name their lines, each name is a line. Else their direction is found first: the ground
+is cut into narrow strips in many directions, and in the right one the points lie in the fewest
+strips. Points are complex numbers, easting + i northing, m on the ground.
 """
 
 import cmath
@@ -15,14 +16,15 @@ from orchard.surveys.choosing import listed
 from orchard.surveys.features import Feature, all_points
 from orchard.surveys.rows import SurveyedLine, turned
 
-# m, width of the strips that points fill.
+# Width of the strips in which points lie, m.
 STRIP = 0.4
-# m between points across the lines, from which on another line begins.
+# Points that lie further apart than this, across the lines, stand in different lines, m.
 APART = 1.2
-# Trees, from which on they are a line.
+# A line has so many trees, at least.
 FEWEST_TREES = 3
-# Directions that are tried at once, for the memory that they take.
+# Directions that are tried at once. More would take more memory.
 _BATCH = 64
+# Properties that name the line of a tree, in small letters.
 ROW_KEYS = ("row", "line", "row_id", "row_name", "rowname")
 
 
@@ -54,7 +56,7 @@ def _count(features: Sequence[Feature]) -> int:
 
 
 def _sizes(lines: Sequence[SurveyedLine], count: int) -> str:
-    """Return how many trees stand how far apart, in words."""
+    """Return the note how many trees stand in how many lines, and how far apart."""
     steps: list[float] = []
     for line in lines:
         steps += np.abs(np.diff(line.points)).tolist()
@@ -63,7 +65,11 @@ def _sizes(lines: Sequence[SurveyedLine], count: int) -> str:
 
 
 def _named_lines(features: Sequence[Feature]) -> list[SurveyedLine]:
-    """Return the lines that points name; none if a point names none, or a line has one point."""
+    """Return the lines that points name.
+
+    None are returned if a point names no line, or a name has one point only: names are not those of
+    lines then.
+    """
     points_of: dict[str, list[complex]] = defaultdict(list)
     for feature in features:
         name = _row_name(feature)
@@ -88,7 +94,10 @@ def _row_name(feature: Feature) -> str:
 
 
 def _in_order(points: np.ndarray) -> np.ndarray:
-    """Return points in their order along the line from one end to the other."""
+    """Return points in their order along their line, from one end to the other.
+
+    The order begins at the point that is farthest from the first one: that is an end of the line.
+    """
     farthest = points[np.abs(points - points[0]).argmax()]
     vector = points[0] - farthest
     if vector == 0.0:
@@ -98,7 +107,10 @@ def _in_order(points: np.ndarray) -> np.ndarray:
 
 
 def _found_lines(features: Sequence[Feature]) -> tuple[list[SurveyedLine], list[str]]:
-    """Return the lines in which points stand, from north to south, and the names of the others."""
+    """Return the lines in which points stand, from north to south.
+
+    Also return the names of points that stand in no line.
+    """
     points = all_points(features)
     names = []
     for feature in features:
@@ -107,7 +119,7 @@ def _found_lines(features: Sequence[Feature]) -> tuple[list[SurveyedLine], list[
     yaw = _direction(points)
     in_frame = points * cmath.exp(-1j * yaw)
     order = np.argsort(-in_frame.imag, kind="stable")
-    # A cut lies before the first point of the next line.
+    # Positions in `order` at which the next line begins.
     cuts = np.flatnonzero(-np.diff(in_frame.imag[order]) > APART) + 1
     lines: list[SurveyedLine] = []
     strays = []
@@ -132,21 +144,25 @@ def _numbered(lines: list[SurveyedLine]) -> list[SurveyedLine]:
 
 
 def _direction(points: np.ndarray) -> float:
-    """Return the direction in which points fill the fewest strips, rad from east.
+    """Return the direction in which points lie in the fewest strips, rad from east.
 
-    Two strips at a time, the second shifted by half, so that no line lies on an edge of both.
+    Each direction is tried with two sets of strips, the second one shifted by half a strip. So no
+    line of trees lies on an edge in both.
     """
+    # m, at most, from one point to another.
     extent = max(1.0, float(np.abs(points - points.mean()).max()) * 2)
-    # A line of this length stays within half a strip.
+    # From one direction to the next the end of a line of this length moves by half a strip.
     count = math.ceil(math.pi * extent / (STRIP / 2))
     angles = np.arange(count) * math.pi / count
     fewest = np.empty(count)
     for begin in range(0, count, _BATCH):
         turn = np.exp(-1j * angles[begin : begin + _BATCH])
+        # (angles, points): m to the left of a line in each direction.
         across = (points[None, :] * turn[:, None]).imag
         fewest[begin : begin + _BATCH] = np.minimum(_filled(across), _filled(across + STRIP / 2))
     least = fewest.min()
-    # Of directions that are equally good, the middle one of the first group.
+    # Of directions that are equally good, neighbours form groups; the middle one of the first group
+    # is taken.
     best = np.flatnonzero(fewest == least)
     ends_of_groups = np.flatnonzero(np.diff(best) > 1)
     group = best
@@ -156,6 +172,9 @@ def _direction(points: np.ndarray) -> float:
 
 
 def _filled(across: np.ndarray) -> np.ndarray:
-    """Return how many strips points fill, for each direction. `across`: (angles, points), m."""
+    """Return in how many strips points lie, for each direction, (angles,).
+
+    `across`: (angles, points), m.
+    """
     strips = np.sort(np.floor(across / STRIP), axis=1)
     return np.asarray((np.diff(strips, axis=1) > 0).sum(axis=1) + 1)

@@ -180,7 +180,8 @@ class CarrierWays(RoadPlaces):
     def haul(self) -> list[Step]:
         """Return the steps in which a carrier that has unloaded is away at the load-out.
 
-        None if carriers do not drive there. The carrier stands in its line of the queue meanwhile.
+        No steps if carriers do not drive there. The carrier stands in its line of the queue
+        meanwhile.
         """
         load_out = self.layout.scenario.load_out
         if not load_out.is_of_carriers:
@@ -190,7 +191,7 @@ class CarrierWays(RoadPlaces):
     def may_charge(self, carrier: int) -> list[Step]:
         """Return the step in which a carrier with a battery decides, after its job, to charge.
 
-        If it must charge, it drives to the tail of its charging line. None without batteries.
+        If it must charge, it drives to the tail of its charging line. No step without batteries.
         """
         first = self.layout.first_charging
         if not first:

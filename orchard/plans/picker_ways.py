@@ -77,8 +77,8 @@ class PickerWays(RoadPlaces):
     def foresee(self, current: Pass) -> list[Step]:
         """Return the steps in which a picker prepares a pass.
 
-        If a row does not fill one bin exactly, the picker announces to its bin where it will leave
-        it. If the pass begins inside the row, the picker sets x from where it picks.
+        Unless each row fills one bin, the picker announces to its bin where it will leave it. If
+        the pass begins inside the row, the picker sets x from where on it picks.
         """
         steps: list[Step] = []
         if self.layout.scenario.bin_metres and current.leaves_bin:
@@ -151,10 +151,10 @@ class PickerWays(RoadPlaces):
         ]
 
     def fill(self, metres: float) -> list[Step]:
-        """Return the step in which a picker that is not sure of its place fills its bin up.
+        """Return the step in which a picker that is not sure of its position fills its bin up.
 
-        It may have stopped before the row's end. `metres`: what the bin shall hold, metres of row.
-        None is returned if sensors are exact.
+        It may have stopped before the row's end. If sensors are exact there is no such step.
+        `metres`: what the bin shall hold, metres of row.
         """
         sensors = self.layout.scenario.sensors
         deviation = sensors.gnss.white + sensors.gnss.bias

@@ -209,9 +209,9 @@ class RoadPlaces:
         return st.DriveTo(y=stop, needs=[*enter, *needs], frees=[*leave, *frees])
 
     def may_fail(self, failure: Failure, absences: Absences = ()) -> list[Step]:
-        """Return the step before a drive on which its robot may fail or go away; none if it cannot.
+        """Return the step before a drive on which its robot may fail or go away.
 
-        `absences`: when the robot is away.
+        No step if it can do neither. `absences`: when the robot is away.
         """
         if failure.mean_between is None and not absences:
             return []

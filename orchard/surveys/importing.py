@@ -1,7 +1,7 @@
 """A scenario from a file of surveyed rows: the way that all formats take.
 
-`orchard layout import` and the page call `import_survey`. The files beside this one do its parts, in
-the order in which it calls them.
+`orchard layout import` and the page call `import_survey`. The files beside this one do its parts,
+in the order in which it calls them.
 """
 
 import math

@@ -135,10 +135,10 @@ class CourseFollower:
         most = self.machine.turn
         rate = max(-most, min(most, remaining / TIME_STEP))
         self.turn(rate, remaining, blind_to)
-        # All of the turn but the last tick, in which the robot turns by what then remains.
-        at_full_rate = max(0.0, abs(remaining) / TIME_STEP - most - SLACK)
+        # Ticks at the full rate, before the last tick, in which the robot turns by what remains.
+        full_ticks = max(0.0, abs(remaining) / TIME_STEP - most - SLACK) / most
         # Rounded up: the step acts again for the last tick.
-        self.hold(int(at_full_rate / most) + 1)
+        self.hold(int(full_ticks) + 1)
 
     def hold(self, ticks: int = MOST_HOLD) -> None:
         """Say that the present step would command the same for so many ticks.
@@ -206,7 +206,7 @@ class CourseFollower:
             return False
         if not is_off_path and self._is_stuck_past_goal(error):
             return False
-        # The way to the goal is long enough to come back to the path on it, at a slant.
+        # There is room if the way to the goal is long enough to come back to the path at SLANT.
         self._choose_way(has_room=speed > 0.0 and -error.along * SLANT > abs(error.across))
         slant = 0.0
         near_enough = SLACK
@@ -225,6 +225,7 @@ class CourseFollower:
         elif is_aligned and speed and self.memory.way > 0.0:
             self.move(Twist(x=speed), blind_to)
         else:
+            # It stands at its goal, drives back, or cannot turn.
             self.move(Twist(x=SHIFT * self.memory.way), blind_to)
         return True
 

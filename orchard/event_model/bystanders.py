@@ -33,8 +33,8 @@ def ticks_of_meeting(chance: float) -> int:
 def ticks_of_look(is_near: float, stays: float, nearness: float) -> int:
     """Return the ticks of a look before a turn, for two random numbers, uniform in [0, 1).
 
-    `is_near`, `stays`: these numbers. `nearness`: the chance that somebody is near. Without anybody
-    it takes the ASK ticks until all have answered.
+    `is_near`, `stays`: these numbers. `nearness`: the chance that a person or an animal is near. If
+    none is, the look takes the ASK ticks until all have answered.
     """
     if is_near < nearness:
         return ASK + int(exponential(stays, PASSING) / TIME_STEP)
@@ -67,7 +67,7 @@ class Bystanders:
         return 1.0 / (self.density * MEETS_WITHIN)
 
     def nearness(self, robot: str, is_towing: bool) -> float:
-        """Return the chance that somebody is within what a turn sweeps."""
+        """Return the chance that a person or an animal is within what a turn sweeps."""
         swept = sweep_radius(KINDS[kind_of(robot)], is_towing)
         within = swept + self.radius + BYSTANDER_MARGIN
         return self.density * pi * within * within

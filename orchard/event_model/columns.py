@@ -307,7 +307,7 @@ FAILURE = np.dtype([("until", np.float64), ("repair", np.float64)])
 # When a robot is away: from and to, s since the harvest began.
 ABSENCE = np.dtype([("begin", np.float64), ("end", np.float64)])
 
-# A robot drives so many metres, and then stands so many ticks for somebody in its way.
+# A robot drives so many metres, and then stands so many ticks for a person or an animal.
 ENCOUNTER = np.dtype([("metres", np.float64), ("ticks", np.int64)])
 # For how many ticks it stands before a turn, without a bin on its bar and with one.
 LOOK = np.dtype([("ticks", np.int64), ("ticks_towing", np.int64)])
@@ -391,7 +391,7 @@ class Model(NamedTuple):
     failures: Any
     # (r, absences) of each robot; unused ones are 0 to 0.
     absences: Any
-    # (r, draws) of people and animals; none if nobody is about.
+    # (r, draws) of people and animals, also `looks`; no draws in an orchard without them.
     encounters: Any
     looks: Any
     # -- the state

@@ -346,6 +346,7 @@ class EventHarvest:
         return self._exchanged[1]
 
     def _read_exchanges(self) -> dict[str, list[Exchange]]:
+        """Return the exchanges of each picker, from the model."""
         columns = ["tick", "picker", "carrier_ticks", "battery_used"]
         rows = self._exchanges()[columns].tolist()
         exchanges: dict[str, list[Exchange]] = {name: [] for name in self.layout.blocks}
@@ -395,7 +396,9 @@ class EventHarvest:
         return busy / ((end - since) * carriers)
 
     def _exchanges(self) -> Any:
+        """Return the rows of the exchanges so far."""
         return self.model.exchanges[: self.model.desk[0].exchanges]
 
     def _trips(self) -> Any:
+        """Return the rows of the carriers' trips so far."""
         return self.model.trips[: self.model.desk[0].trips]

@@ -72,6 +72,7 @@ def as_python(function: Any) -> Callable[..., Any]:
 
 @cache
 def _plain_run() -> Any:
+    """Return `machine.run` as plain Python."""
     # All functions of the machine find the faster `_next_event` in place of their own.
     names = functions(machine.__name__, {})
     names["next_event"] = _next_event

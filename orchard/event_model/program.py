@@ -239,12 +239,14 @@ class Program:
         return max(total, back)
 
     def _metres_to(self, x: float, y: float, end: int) -> float:
+        """Return the way by road from a place in the queue to a lane's end, m."""
         lane, side = divmod(end, 2)
         return self.route.distance(x, y, lane + 1, self.route.sides[SIDES[side]])
 
     # -- plans
 
     def _translate_harvest(self, picker: str) -> int:
+        """Translate the plan of a picker. Return its first op."""
         layout = self.layout
         block = layout.blocks[picker]
         start = next(start.pose for start in layout.starts if start.name == picker)
@@ -267,12 +269,17 @@ class Program:
         return first
 
     def _translate_waiting(self, y: float) -> int:
+        """Translate how a carrier waits in the line of the queue at y, m. Return its first op."""
         head = self.layout.queue.place(0)
         return self._translate(
             Writer(self.route.wait_in_queue(), head._replace(y=y), self._carrier)
         )
 
     def _translate(self, writer: Writer) -> int:
+        """Translate the steps of a plan, and those that may take the place of its rest.
+
+        Return the first op.
+        """
         first = len(self.ops)
         begins = self.begins[first] = []
         # Each look-up of a method with many forms costs as much as a short step.
@@ -502,10 +509,12 @@ class Program:
     # -- rows
 
     def _append(self, step: Step | None, kind: int, **values: Any) -> None:
+        """Append an op. `step`: of which it is made. `values`: of its columns."""
         self.ops.append(kind=kind, **values)
         self.steps.append(step)
 
     def _append_gate(self, gates: Table, gate: Gate, sign: int) -> None:
+        """Append a gate of a drive. `sign`: of the drive's line."""
         places = self.places.number_of(gate.places)
         gates.append(at=sign * gate.at, places=places, after_bin=gate.bin != "")
 

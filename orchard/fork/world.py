@@ -100,9 +100,9 @@ def _in_the_way(world: World, name: str) -> str:
     """Return the body or obstacle that a body overlaps; '' if there is none."""
     # A fault reads "inside BODY OTHER".
     for fault, _ in overlapping_bodies(world):
-        body, other = fault.removeprefix("inside ").split(" ", 1)
+        body, thing = fault.removeprefix("inside ").split(" ", 1)
         if body == name:
-            return other
-        if other == name:
+            return thing
+        if thing == name:
             return body
     return ""

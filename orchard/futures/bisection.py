@@ -304,15 +304,15 @@ def _show(bisection: Bisection, expected: Bisection) -> None:
     console.print(shown)
 
 
-def _cells(found: Bisection, tick: int, figures: Collection[str]) -> list[str]:
+def _cells(search: Bisection, tick: int, figures: Collection[str]) -> list[str]:
     """Return the cells of the table that tell of a moment: how many futures end well, and means.
 
-    `figures`: those that the futures have.
+    `search`: has the futures of the moment. `figures`: those that the futures have.
     """
-    of_moment = found.lived[tick]
+    of_moment = search.lived[tick]
     count = "not now"
     if of_moment:
-        count = f"{found.good_count(tick)} of {len(of_moment)}"
+        count = f"{search.good_count(tick)} of {len(of_moment)}"
     cells = [count]
     for key in SHOWN:
         mean = mean_of(key, of_moment) if key in figures else None
@@ -328,10 +328,10 @@ def _draw(bisection: Bisection, expected: Bisection, picture: Path) -> None:
     rates = {}
     shares = {}
     for tick in sorted({*bisection.lived, *expected.lived}):
-        found = bisection if tick in bisection.lived else expected
-        of_moment = found.lived[tick]
+        search = bisection if tick in bisection.lived else expected
+        of_moment = search.lived[tick]
         minute = tick / MINUTE
         rates[minute] = [future["bins_per_hour"] for future in well_ended(of_moment)]
-        shares[minute] = found.good_count(tick) / max(1, len(of_moment))
+        shares[minute] = search.good_count(tick) / max(1, len(of_moment))
     good = bisection.last_good
     save_futures(picture, rates, shares, None if good is None else good / MINUTE)

@@ -91,9 +91,9 @@ def _use(world: World, stands: np.ndarray) -> np.ndarray:
     return used
 
 
-def _events(world: World, what: What, which: np.ndarray) -> list[Event]:
-    """Return an event for each carrier to which it happened. `which`: (c,) bool."""
-    carriers = world.fixed.carriers[which]
+def _events(world: World, what: What, has_happened: np.ndarray) -> list[Event]:
+    """Return an event for each carrier to which it has happened. `has_happened`: (c,) bool."""
+    carriers = world.fixed.carriers[has_happened]
     return [Event(world.tick, what, name) for name in world.layout.names_at(carriers.tolist())]
 
 

@@ -32,6 +32,7 @@ def step(batch: np.ndarray, first: int) -> int:
 
 @cache
 def _ready() -> Any:
+    """Return the compiled `episodes.step`."""
     if not is_kept(episodes.step, episodes.SIGNATURE):
         log.warning("%s", COMPILING)
     episodes.step.compile(episodes.SIGNATURE)

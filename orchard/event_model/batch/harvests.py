@@ -122,10 +122,13 @@ class HarvestBatch:
                 of_rows[row - 1] = picking_speed_of(scenario, row, picker)
             self._speeds[number] = self._program.speeds(scenario, of_rows)
 
-    def act(self, which: np.ndarray, actions: np.ndarray) -> None:
-        """Let some harvests do their actions in the next step. `which`: (n,) bool."""
-        self.arrays["commands"][which] = bc.ACT
-        self.arrays["actions"][which] = actions[which]
+    def act(self, do_act: np.ndarray, actions: np.ndarray) -> None:
+        """Let some harvests do their actions in the next step.
+
+        `do_act`: (n,) bool, these harvests. `actions`: (n,), numbers of actions, of all harvests.
+        """
+        self.arrays["commands"][do_act] = bc.ACT
+        self.arrays["actions"][do_act] = actions[do_act]
 
     def step(self) -> None:
         """Carry all harvests on to their next decisions."""
@@ -150,6 +153,7 @@ class HarvestBatch:
 
     @property
     def _robots(self) -> int:
+        """The number of robots of a harvest."""
         return len(self.arrays["nearness"])
 
     def _find(self) -> None:

@@ -179,10 +179,11 @@ class CallsOfBins:
         none.
         """
         for op in range(picker.op - 1, picker.first - 1, -1):
-            found = int(self._ops.kind[op])
-            if found == kind:
+            kind_before = int(self._ops.kind[op])
+            if kind_before == kind:
                 return op
-            if found == c.FETCH_EMPTY:
+            # By this op it got its present bin.
+            if kind_before == c.FETCH_EMPTY:
                 return None
         return None
 

@@ -67,13 +67,13 @@ class Robots:
 
         Raises NotInPlanError.
         """
-        found = []
+        doing = []
         for name in self.numbers:
             if name in self.layout.blocks:
-                found.append(self._picker(name))
+                doing.append(self._picker(name))
             else:
-                found.append(self._carrier(name))
-        return found
+                doing.append(self._carrier(name))
+        return doing
 
     # -- plans
 
@@ -473,7 +473,7 @@ class Robots:
         `inserted`: the steps of that, which are not of the plan.
         """
         step = inserted[0]
-        repairs = [one.seconds for one in inserted if isinstance(one, st.Repair)]
+        repairs = [part.seconds for part in inserted if isinstance(part, st.Repair)]
         me.more["repair"] = sum(repairs)
         me.more["fails"] = True
         if isinstance(step, st.Wait):

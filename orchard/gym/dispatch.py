@@ -166,7 +166,7 @@ def without(reports: Sequence[Any], name: str) -> list[Any]:
 
 
 class Transition(NamedTuple):
-    """What happened from one action to the next, for a reward, or since the start."""
+    """What happened from one action to the next, for a reward; or since the episode began."""
 
     seconds: float  #: that passed
     waited: float  #: s for which all pickers together have waited for empty bins

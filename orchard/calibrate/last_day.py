@@ -41,9 +41,12 @@ class LastDay:
     bins: int
     pickers: int
     carriers: int
-    logged: float  #: bins/h of the log
-    predicted: float  #: bins/h of the model, mean of the runs
-    low: float  #: bins/h; the interval from `low` to `high` should contain `logged`
+    #: bins/h of the log.
+    logged: float
+    #: bins/h of the model, mean of the runs.
+    predicted: float
+    #: bins/h; the interval from `low` to `high` should contain `logged`.
+    low: float
     high: float
 
     @property

@@ -43,7 +43,8 @@ _SEPARATORS = ";\t,"
 class LogLine:
     """A line of a log: an event of a bin. Names that it lacks are ""."""
 
-    number: int  #: of the line in the file, from 1
+    #: The number of the line in the file, from 1.
+    number: int
     time: datetime
     event: Event
     picker: str

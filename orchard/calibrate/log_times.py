@@ -20,8 +20,10 @@ _HAS_TIME_OF_DAY = re.compile(r"\d[T ]\d")
 class LogTime:
     """A time as it is written in a log."""
 
-    local: datetime  #: what the clock of the place shows, without an offset
-    offset: timedelta | None  #: to UTC; None if none is written
+    #: What the clock of the place shows, without an offset.
+    local: datetime
+    #: To UTC; None if none is written.
+    offset: timedelta | None
 
 
 def time_of(text: str) -> LogTime | None:

@@ -30,7 +30,8 @@ from orchard.gym.episodes import Episode, plain, refuse_what_is_no_episode
 from orchard.gym.rewards import named
 from orchard.gym.spaces import FAR, MOST_LANES, Arrays
 
-NO_ORDER = 0  # the action that sends no carrier, and ends the decision
+# The action that sends no carrier, and ends the decision.
+NO_ORDER = 0
 LONG = 1e6  # s, the limit of times in the observation space: no harvest takes so long
 # Numbers for each bin and for each carrier in an observation.
 OF_BIN = 6
@@ -168,9 +169,12 @@ def without(reports: Sequence[Any], name: str) -> list[Any]:
 class Transition(NamedTuple):
     """What happened from one action to the next, for a reward; or since the episode began."""
 
-    seconds: float  #: that passed
-    waited: float  #: s for which all pickers together have waited for empty bins
-    delivered: int  #: bins unloaded
+    #: The time that passed, s.
+    seconds: float
+    #: How long pickers have waited for empty bins, s of all pickers together.
+    waited: float
+    #: Bins unloaded.
+    delivered: int
 
 
 Reward = Callable[[Transition], float]

@@ -36,8 +36,10 @@ def plain(seed: Any) -> Any:
 class Episode(NamedTuple):
     """One episode of an environment."""
 
-    reset_seed: int  #: seed of the last reset to which one was given; at first the scenario's
-    number: int  #: episodes since that reset: 0 at it; -1 before the first episode of all
+    #: Seed of the last reset to which one was given; at first the scenario's.
+    reset_seed: int
+    #: Episodes since that reset: 0 at it; -1 before the first episode of all.
+    number: int
 
     @property
     def seed(self) -> int:

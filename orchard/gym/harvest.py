@@ -41,8 +41,10 @@ class Look(NamedTuple):
     """What is known of a learned body at one tick."""
 
     seen: Observation
-    action: Action  # of its own agent: the newest one
-    goal: arrays.Goal  # what its plan asks for
+    # Of its own agent: the newest one.
+    action: Action
+    # What its plan asks for.
+    goal: arrays.Goal
     fill: float  # m of row in its bin
 
 

@@ -23,18 +23,25 @@ from orchard.field.kinds import KINDS, kind_of
 class Moment(NamedTuple):
     """One step of a learned body, for a reward."""
 
-    before: Observation  #: what it observed before the step
-    after: Observation  #: what it observes now
+    #: What it observed before the step.
+    before: Observation
+    #: What it observes now.
+    after: Observation
     #: what its plan asked for before the step: x, y (m, in the frame `map`), turn (rad)
     goal: tuple[float, float, float]
-    velocity: Twist  #: with which it was to move
-    scripted: Twist  #: with which our agent would have moved
-    filled: float  #: m of row that came into its bin
-    events: Sequence[Event]  #: of all bodies in this step
+    #: With which it was to move.
+    velocity: Twist
+    #: With which our agent would have moved.
+    scripted: Twist
+    #: m of row that came into its bin.
+    filled: float
+    #: Of all bodies in this step.
+    events: Sequence[Event]
 
 
 Reward = Callable[[Moment], float]
-Happened = TypeVar("Happened")  # what a reward is given: a Moment, or a Transition of dispatch
+# What a reward is given: a Moment, or a Transition of dispatch.
+Happened = TypeVar("Happened")
 
 
 def imitation(moment: Moment) -> float:

@@ -44,12 +44,14 @@ from orchard.sim.world import NONE, World
 # m, the limit of distances in the observation spaces: no orchard is so large. A hundred surveyed
 # rows may lie 60 m apart, which is 6000 m, and roads lead around them.
 FAR = 8000.0
-MOST_LANES = 100.0  # rows of a scenario
+# Rows of a scenario, at most.
+MOST_LANES = 100.0
 # The deeds that an action names.
 NOTHING, COUPLE, UNCOUPLE = range(3)
 
 Arrays = dict[str, np.ndarray]
-Goal = tuple[float, float, float]  # x, y (m, in the frame `map`), rad that remain to turn
+# The x and y of a goal, m, in the frame `map`, and the rad that remain to turn.
+Goal = tuple[float, float, float]
 
 
 def _box(*bounds: tuple[float, float]) -> spaces.Box:
@@ -171,7 +173,8 @@ def observed(seen: Observation, fill: float, goal: Goal, action: Action) -> Arra
 class DecodedAction(NamedTuple):
     """What an action commands."""
 
-    velocity: Twist  # within the limits of the body
+    # Within the limits of the body.
+    velocity: Twist
     deed: int = NOTHING
 
 

@@ -54,7 +54,8 @@ class Trial:
     """How often a fleet is tried, and how many of these harvests may be late."""
 
     replications: int
-    late: int  #: harvests that may be late at most
+    #: Harvests that may be late at most.
+    late: int
 
     @classmethod
     def of(cls, confidence: float) -> "Trial":

@@ -26,7 +26,8 @@ FLEET = ("pickers", "carriers")
 # Sections of the blocks' scenarios that must be the same, because the same machines work in all.
 MACHINES = ("carrying", "handling")
 MOST_BLOCKS = 50
-MOST_MINUTES = 1440.0  # a day
+# Minutes of a transfer, at most: a day.
+MOST_MINUTES = 1440.0
 # The first seeds of two blocks differ by so much, so that no two blocks have a run of the same
 # seed.
 SEEDS_OF_A_BLOCK = 1_000_000

@@ -22,7 +22,8 @@ from orchard.study.words import (
     value_words,
 )
 
-NONE = "-"  # in place of a figure that is not known
+# In place of a figure that is not known.
+NONE = "-"
 # Standing -> the mark after the first cell of its row.
 MARKS: dict[Standing, str] = {
     "best": "*",

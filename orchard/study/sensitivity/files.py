@@ -67,7 +67,8 @@ def document(result: SensitivityResult) -> str:
     """Return the report: answer, tornado, table, how it was made, and the scenario."""
     return page(
         answer=result.answer,
-        picture=Markup(inline_drawing(figure(result), TITLE)),  # matplotlib has escaped its words
+        # Matplotlib has escaped its words.
+        picture=Markup(inline_drawing(figure(result), TITLE)),
         of_table="What is moved",
         heads=HEADS,
         lines=rows_of(result),

@@ -59,7 +59,8 @@ class SensitivityResult:
     #: How well the fit predicts points that it has not seen: R2, 0 to 1, without the luck of the
     #: seeds.
     fit: float
-    points: int  #: of which all runs are done, and none jammed
+    #: How many points have all their runs done, and none jammed.
+    points: int
     points_asked: int
     runs: int
     #: The values of points in which a run jammed.

@@ -27,7 +27,7 @@ class Moment(NamedTuple):
     before: Observation
     #: What it observes now.
     after: Observation
-    #: what its plan asked for before the step: x, y (m, in the frame `map`), turn (rad)
+    #: What its plan asked for before the step: x, y (m, in the frame `map`), turn (rad).
     goal: tuple[float, float, float]
     #: With which it was to move.
     velocity: Twist

@@ -25,8 +25,10 @@ class Day:
     """Some days that are alike."""
 
     count: int
-    hours: float  #: that are paid on each of them
-    seconds: float  #: of the harvest's time that each of them does, less than its hours
+    #: The working hours that are paid on each of them.
+    hours: float
+    #: How much of the harvest's time each of them does, s: less than its hours.
+    seconds: float
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,8 @@ class WorkDays:
     """The days of a harvest."""
 
     shift: WorkShift
-    homing_seconds: float  #: how long before a day's end its work ends
+    #: How long before a day's end its work ends.
+    homing_seconds: float
 
     @property
     def day_seconds(self) -> float:

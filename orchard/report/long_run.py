@@ -120,9 +120,12 @@ def long_run(
 class _PickerFigures:
     """The rate of a picker in its whole rounds, and the time that carriers need for a bin of it."""
 
-    rate: float  #: bins/s, if carriers have the time for it
-    carrier_seconds: float  #: that a carrier is busy with one bin, charging included
-    charger_seconds: float  #: that a charger is busy with it
+    #: In bins/s, if carriers have the time for it.
+    rate: float
+    #: How long a carrier is busy with one bin, charging included.
+    carrier_seconds: float
+    #: How long a charger is busy with it.
+    charger_seconds: float
 
 
 class _LongRun:
@@ -363,9 +366,12 @@ class _Needs:
     up to this exchange.
     """
 
-    exchanged: list[float] = field(default_factory=list)  #: when the picker has the empty bin
-    carriers: list[float] = field(default_factory=list)  #: for which carriers are busy
-    chargers: list[float] = field(default_factory=list)  #: of it, for which they charge
+    #: When the picker gets the empty bin.
+    exchanged: list[float] = field(default_factory=list)
+    #: How long carriers are busy.
+    carriers: list[float] = field(default_factory=list)
+    #: How long they charge, as a part of that.
+    chargers: list[float] = field(default_factory=list)
     _seconds: float = 0.0
     _carrier_seconds: float = 0.0
     _charger_seconds: float = 0.0

@@ -23,8 +23,10 @@ from orchard.report.summary import clock, headline_of
 LINE_SECONDS = 2.0  # s of wall time between two plain lines
 # The same while the run gets ready, s. A live table shows each second.
 STILL_SECONDS = 10.0
-NARROWEST = 24  # characters, the minimum width of a column
-SILENT = "no agent"  # shown for a robot that has lost its agent
+# Characters, the minimum width of a column.
+NARROWEST = 24
+# Shown for a robot that has lost its agent.
+SILENT = "no agent"
 # What robots do that is shown in red: robots that cannot go on.
 STANDS = (STOPPED, SILENT)
 
@@ -33,7 +35,8 @@ STANDS = (STOPPED, SILENT)
 class EndOfRun:
     """When a run will be done, by a forecast. Of 20 forecasts 19 are right, within `within`."""
 
-    seconds: float  #: simulated, since the run's start
+    #: Simulated s since the run's start.
+    seconds: float
     within: float  #: s earlier or later
 
 

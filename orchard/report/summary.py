@@ -214,7 +214,8 @@ class Outcome(Headline, kw_only=True):
     bins_per_hour: float
     limit_bins_per_hour: Annotated[float, Meta(gt=0.0)]
     bottleneck: str
-    working_day: str = ""  # on which it ended, and when; "" without a shift
+    # On which it ended, and when; "" without a shift.
+    working_day: str = ""
     lost_seconds: dict[str, float]
     violations: list[str]
     jam: list[str]

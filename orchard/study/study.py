@@ -1,6 +1,6 @@
 """A study: which of many settings of a scenario is best, by how much, and with what confidence.
 
-This module does the runs. `orchard.study.question` has what is asked, and `orchard.study.found`
+This module does the runs. `orchard.study.question` has what is asked, and `orchard.study.findings`
 what the runs say. Settings are numbered from 0, and `i` is such a number. After each look, a number
 of replications of all settings, the study ends if the answer is certain.
 """
@@ -16,7 +16,7 @@ from orchard.field.scenario import Scenario
 from orchard.report.bounds import proven_seconds
 from orchard.study.checking import checked_settings
 from orchard.study.comparing import LOOKS, Comparison, interval
-from orchard.study.found import Found
+from orchard.study.findings import Findings
 from orchard.study.options import StudyOptions
 from orchard.study.question import Question
 from orchard.study.replications import Replications, confirmed
@@ -97,22 +97,22 @@ class _Study:
             heard=self._report,
             is_stopped=is_stopped,
         )
-        self.found = Found(question=question, runs=self.runs, begun=self.begun)
+        self.findings = Findings(question=question, runs=self.runs, begun=self.begun)
 
     def run(self) -> StudyResult:
         """Do all that the budget allows, and return the answer."""
         fast_share = 1.0
         if self.options.confirms:
             fast_share = FAST_SHARE
-        self.found.stopped_by = self._replicate_until(self._end_of(fast_share))
-        comparisons = self.found.compared()
+        self.findings.stopped_by = self._replicate_until(self._end_of(fast_share))
+        comparisons = self.findings.compared()
         if self.options.confirms and comparisons and not self.runs.is_stopped():
             self._confirm(comparisons)
         if self.options.horizon == "harvest":
             for comparison in comparisons:
                 for i in (comparison.best, *comparison.leads):
                     self._prove(i)
-        return self.found.result()
+        return self.findings.result()
 
     def _end_of(self, share: float) -> float:
         """Return when a share of the budget is used up, s by the clock of the machine."""
@@ -121,7 +121,7 @@ class _Study:
     def _report(self) -> None:
         """Tell the result so far, now that a run is over, but not more often than it is of use."""
         if time.time() - self.reported_at > REPORT_SECONDS:
-            self.tell(self.found.result())
+            self.tell(self.findings.result())
             self.reported_at = time.time()
 
     # -- replications
@@ -135,7 +135,7 @@ class _Study:
         for look in (1, *LOOKS):
             if not self._replicate(look, until):
                 return self._why_cut()
-            if all(map(self._is_certain, self.found.compared())):
+            if all(map(self._is_certain, self.findings.compared())):
                 return "certain"
         return "seeds"
 
@@ -152,14 +152,14 @@ class _Study:
         """
         question = self.question
         while True:
-            alive = set(self.found.alive)
+            alive = set(self.findings.alive)
             in_order = [i for i in question.in_order_of_runs() if i in alive]
             is_whole = self.runs.do(in_order, question.model, count, until)
             if not is_whole:
                 return False
             if not question.is_open:
                 return True
-            best = [comparison.best for comparison in self.found.compared()]
+            best = [comparison.best for comparison in self.findings.compared()]
             if not question.add_numbers(best):
                 return True
 
@@ -196,7 +196,7 @@ class _Study:
         best = [comparison.best for comparison in comparisons]
         if len(best) == 1:
             best += comparisons[0].runner_up
-        self.found.checks, self.found.notes_of_checks = confirmed(
+        self.findings.checks, self.findings.notes_of_checks = confirmed(
             self.runs, best, self.options.confidence, self._end_of(1.0)
         )
 
@@ -206,7 +206,7 @@ class _Study:
         That of the first setting is proven even if the budget is used up. Where the seed draws how
         fast rows or pickers are, nothing is proven, because each seed has another orchard.
         """
-        has_time = not self.found.proven or time.time() < self._end_of(1.0)
+        has_time = not self.findings.proven or time.time() < self._end_of(1.0)
         scenario = self.question.settings[i].scenario
         if has_time and not self.runs.is_stopped() and not scenario.work_is_drawn:
-            self.found.proven[i] = proven_seconds(lay_out(scenario))
+            self.findings.proven[i] = proven_seconds(lay_out(scenario))

@@ -1,4 +1,4 @@
-"""What a study has found so far: its comparisons of settings, and its result.
+"""The findings of a study so far: its comparisons of settings, and its result.
 
 `orchard.study.study` does the runs, and asks this module what they say. Settings are numbered from
 0, and `i` is such a number.
@@ -23,8 +23,8 @@ from orchard.study.settings import as_lists
 
 
 @dataclass(kw_only=True)
-class Found:
-    """What the runs of a study say, and what was found beside them."""
+class Findings:
+    """The runs of a study, and what follows from them."""
 
     question: Question
     runs: Replications

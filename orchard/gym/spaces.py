@@ -61,7 +61,7 @@ def _box(*bounds: tuple[float, float]) -> spaces.Box:
 
 
 def observation_space(name: str, machine: Machine) -> spaces.Dict:
-    """Return the space of what a body observes: see the table above.
+    """Return the space of what a body observes: see the head of this module.
 
     `name`: of the body. The space depends on the limits of its machine only. All else of the
     orchard may change from episode to episode, for a curriculum.
@@ -112,7 +112,9 @@ def goal_of(seen: Observation, memory: Any) -> Goal:
         return seen.x, seen.y, 0.0
     if step.x is not None:
         return _way_end(seen.x, step.x, step.needs, memory.reserved), seen.y, 0.0
-    return seen.x, _way_end(seen.y, step.y or 0.0, step.needs, memory.reserved), 0.0
+    # A drive along the other axis has y in place of x.
+    assert step.y is not None
+    return seen.x, _way_end(seen.y, step.y, step.needs, memory.reserved), 0.0
 
 
 def _way_end(here: float, end: float, gates: Sequence[Gate], reserved: Sequence[str]) -> float:
@@ -123,7 +125,8 @@ def _way_end(here: float, end: float, gates: Sequence[Gate], reserved: Sequence[
     granted; a gate stands where a place begins.
     """
     for gate in gates:
-        is_ahead = here <= gate.at <= end or end <= gate.at <= here
+        # Between here and the end, in whichever direction the drive goes.
+        is_ahead = min(here, end) <= gate.at <= max(here, end)
         is_closed = any(place not in reserved for place in gate.places)
         if is_ahead and is_closed:
             end = gate.at

@@ -27,9 +27,10 @@ from rich.console import Console
 from rich.progress import track
 
 from chaos.simulated.census import summed_up
+from chaos.simulated.drawing import draw
 from chaos.simulated.harvest import EXPECTED, store_counts
 from chaos.simulated.mutations import BY_TESTS, MUTATIONS, first_seed
-from chaos.simulated.plan import Plan, draw
+from chaos.simulated.plan import Plan
 from chaos.simulated.trial import carry_out, outcome_of, shrink
 from chaos.simulated.verdict import NEAR_TICKS, Outcome
 from orchard.memory import collect_seldom

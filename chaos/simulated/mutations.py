@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from unittest.mock import patch
 
 from chaos.simulated import stand_ins
-from chaos.simulated.plan import draw
+from chaos.simulated.drawing import draw
 from chaos.simulated.scheduler import VirtualInbox
 from chaos.simulated.trial import carry_out
 from orchard.net import host, mailbox, requests

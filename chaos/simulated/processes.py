@@ -3,10 +3,8 @@
 import logging
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
-from functools import partial
 from math import inf
 from pathlib import Path
 from random import Random
@@ -20,7 +18,8 @@ import msgspec
 from chaos.simulated.bare_client import BARE_CLIENT, NAMES, own_agent
 from chaos.simulated.begin import wrong_begin
 from chaos.simulated.clients import RUN
-from chaos.simulated.half import WriterKilled, takes_half
+from chaos.simulated.disk import SimulatedDisk
+from chaos.simulated.half import takes_half
 from chaos.simulated.network import Network
 from chaos.simulated.observer import Observer
 from chaos.simulated.scheduler import Scheduler, Task, VirtualInbox
@@ -49,63 +48,6 @@ MISTAKES = (BusError, ValueError, ScenarioError, SnapshotError, OSError)
 # Exit code.
 KILLED = -9
 SNAPSHOT_SECONDS = 0.5  # between two snapshots: few schedules last for seconds
-
-
-class SimulatedFuture(Future[Any]):
-    """The result of a job of the disk, for which a task waits in virtual time."""
-
-    def __init__(self, world: "World", task: Task) -> None:
-        super().__init__()
-        self._world = world
-        self._task = task
-
-    def result(self, timeout: float | None = None) -> Any:
-        deadline = None if timeout is None else self._world.scheduler.now + timeout
-        while not self.done():
-            if deadline is not None and self._world.scheduler.now >= deadline:
-                raise TimeoutError
-            self._task.wait(0.01)
-        return super().result(0)
-
-
-class SimulatedDisk(Executor):
-    """Does one job of a process after the other, each after some time."""
-
-    def __init__(self, world: "World", process: "SimulatedProcess") -> None:
-        self._world = world
-        self._process = process
-        self._free_at = 0.0  # s
-        # The jobs that are not done, the oldest first.
-        self._jobs: list[Callable[[], Any]] = []
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        future = SimulatedFuture(self._world, self._process.task)
-        now = self._world.scheduler.now
-        seconds = self._world.random.random() * self._world.disk_seconds
-        self._free_at = max(self._free_at, now) + seconds
-        job = partial(fn, *args)
-        self._jobs.append(job)
-        self._world.scheduler.after(self._free_at - now, lambda: self._do(future, job))
-        return future
-
-    def _do(self, future: Future[Any], job: Callable[[], Any]) -> None:
-        if self._process.task.is_over:
-            return
-        self._jobs.remove(job)
-        if future.set_running_or_notify_cancel():
-            try:
-                future.set_result(job())
-            except Exception as error:
-                future.set_exception(error)
-
-    def break_off(self) -> None:
-        """Leave half of what is being written, as the process is killed."""
-        if self._jobs:
-            self._world.half_writes += 1
-            # The process that comes after it has another number, which is in the name of the file.
-            number = patch.object(os, "getpid", lambda: self._process.pid)
-            with suppress(WriterKilled), takes_half(WriterKilled()), number:
-                self._jobs[0]()
 
 
 class SimulatedLine:

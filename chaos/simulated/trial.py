@@ -4,7 +4,8 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-from chaos.simulated.plan import Plan, draw
+from chaos.simulated.drawing import draw
+from chaos.simulated.plan import Plan
 from chaos.simulated.schedule import Schedule
 from chaos.simulated.verdict import Outcome, Verdict, judge
 

@@ -12,9 +12,10 @@ from random import Random
 
 import pytest
 
+from chaos.simulated.drawing import LASTING, draw
 from chaos.simulated.link import DOWN, Delays
 from chaos.simulated.network import Network
-from chaos.simulated.plan import LASTING, Fault, Plan, draw
+from chaos.simulated.plan import Fault, Plan
 from chaos.simulated.schedule import Schedule
 from chaos.simulated.scheduler import Scheduler, VirtualInbox
 from chaos.simulated.tearing import NO_TEARS, Tearer, Tears, is_message

@@ -16,10 +16,11 @@ import pytest
 from chaos.simulated.begin import wrong_begin
 from chaos.simulated.census import ANSWERS, DEEDS, MESSAGES, OF_HARVEST, REQUESTS, Census, summed_up
 from chaos.simulated.course import Course
+from chaos.simulated.drawing import draw
 from chaos.simulated.harvest import OF_BINS, harvest_of, made, stored_counts
 from chaos.simulated.link import Delays
 from chaos.simulated.observer import Observer
-from chaos.simulated.plan import CLIENT, RUN_PY, Fault, Plan, draw
+from chaos.simulated.plan import CLIENT, RUN_PY, Fault, Plan
 from chaos.simulated.scenes import SCENES
 from chaos.simulated.trial import carry_out
 from chaos.simulated.written import first_difference

@@ -17,9 +17,10 @@ from command_line import python
 from chaos.simulated import __main__ as command
 from chaos.simulated.bare_client import BARE_CLIENT
 from chaos.simulated.clients import CLIENTS
+from chaos.simulated.drawing import WITH_WALKERS, draw
 from chaos.simulated.link import Delays
 from chaos.simulated.mutations import cut_out
-from chaos.simulated.plan import CLIENT, ROUTER, RUN_PY, WITH_WALKERS, Fault, Plan, draw
+from chaos.simulated.plan import CLIENT, ROUTER, RUN_PY, Fault, Plan
 from chaos.simulated.trial import carry_out, shrink
 from orchard.server.account import RunAccount
 from orchard.wire.keys import PHYSICS

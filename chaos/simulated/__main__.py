@@ -39,7 +39,8 @@ TABLE = Path(__file__).parent / "mutations.md"
 AHEAD = 8  # schedules that are handed out to the workers at a time
 MOST = 2000  # schedules, after which a mutation counts as not found
 
-collect_seldom()  # also in each worker, which imports this file
+# Each worker imports this file, so it holds there, too.
+collect_seldom()
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 console = Console(highlight=False)
@@ -86,13 +87,12 @@ def schedules(
 
 
 def _summary_of(outcomes: list[Outcome]) -> dict[str, Any]:
-    """Return in how many schedules what occurred."""
+    """Return in how many schedules what occurred, and which failed."""
+    near = f"a fault within {NEAR_TICKS} ticks of an event of the harvest"
     return {
         "schedules": len(outcomes),
         "failed": [outcome.seed for outcome in outcomes if outcome.complaints],
-        f"a fault within {NEAR_TICKS} ticks of an event of the harvest": sum(
-            outcome.is_near for outcome in outcomes
-        ),
+        near: sum(outcome.is_near for outcome in outcomes),
         **summed_up(outcome.occurred for outcome in outcomes),
     }
 
@@ -119,18 +119,14 @@ def mutations(
     """
     names = [name for name in MUTATIONS if only in name and name not in BY_TESTS]
     with _workers(workers) as pool:
-        found = list(
-            track(
-                pool.map(partial(first_seed, most), names),
-                "mutations",
-                len(names),
-                console=console,
-            )
-        )
-    rows = [
-        f"| {name} | {'not found' if seed is None else seed} | {what} |"
-        for name, (seed, what) in zip(names, found, strict=True)
-    ]
+        seeds = pool.map(partial(first_seed, most), names)
+        found = list(track(seeds, "mutations", len(names), console=console))
+    rows = []
+    for name, (seed, what) in zip(names, found, strict=True):
+        at = str(seed)
+        if seed is None:
+            at = "not found"
+        rows.append(f"| {name} | {at} | {what} |")
     rows += [f"| {name} | by a test | {why} |" for name, why in BY_TESTS.items() if only in name]
     # Complaints name files. The table must not depend on the folder of a clone.
     rows = [row.replace(f"{Path.cwd()}/", "") for row in rows]
@@ -160,6 +156,7 @@ def _write_table(rows: list[str], most: int) -> None:
 
 
 def _workers(count: int | None = None) -> ProcessPoolExecutor:
+    """Return processes that carry out schedules; None: one for each core."""
     return ProcessPoolExecutor(count or os.cpu_count(), get_context("spawn"))
 
 
@@ -171,6 +168,7 @@ def _in_turn(
 
     What a schedule does follows from its seed alone; the deadline decides only how many there are.
     """
+    # Both are lazy: a schedule is handed out when `under_way` takes it, if it is in time then.
     in_time = takewhile(lambda _: clock() < deadline, seeds)
     begun = (workers.submit(outcome_of, seed) for seed in in_time)
     under_way = deque(islice(begun, AHEAD))
@@ -180,7 +178,7 @@ def _in_turn(
 
 
 def _tell(seed: int) -> int:
-    """Print what happens in a schedule. Return the exit code."""
+    """Print what happens in a schedule, in a smaller one if it fails. Return the exit code."""
     plan: Plan = draw(seed)
     if carry_out(plan).complaints:
         plan = shrink(plan)
@@ -195,6 +193,7 @@ def _tell(seed: int) -> int:
 
 
 def _say(words: str) -> None:
+    """Print a line."""
     console.print(words, markup=False, soft_wrap=True)
 
 

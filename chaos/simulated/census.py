@@ -1,6 +1,6 @@
 """What occurs in a schedule: kinds of messages, deeds, requests, answers and events.
 
-A count of schedules follows from it.
+From it follows in how many schedules each of them occurs, so a kind that never does is found.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -21,17 +21,20 @@ REQUESTS = tuple(type_of(request) for request in get_args(contract.Request))
 ANSWERS = tuple(type_of(answer) for answer in get_args(contract.Answer))
 EVENTS: tuple[str, ...] = get_args(What)
 REASONS: tuple[str, ...] = get_args(Reason)
-MESSAGES = tuple(
-    sorted(
-        {
-            kind.__name__
-            for key in TABLE.values()
-            for kind in (key.message, *key.replies)
-            if kind is not None
-        }
-    )
-)
-# the events with which a harvest goes on
+
+
+def _names_of_messages() -> tuple[str, ...]:
+    """Return the names of all messages that are published, asked or replied on some key, sorted."""
+    names = set()
+    for key in TABLE.values():
+        for kind in (key.message, *key.replies):
+            if kind is not None:
+                names.add(kind.__name__)
+    return tuple(sorted(names))
+
+
+MESSAGES = _names_of_messages()
+# The events with which a harvest goes on.
 OF_HARVEST = tuple(
     what for what in EVENTS if what not in ("deed refused", "collision", "stopped", "reset")
 )
@@ -39,7 +42,7 @@ OF_HARVEST = tuple(
 
 @lru_cache(maxsize=10_000)
 def key_of(key: str) -> str:
-    """Return which key of `wire.keys.TABLE` a key is; empty if it is none."""
+    """Return of which kind a key is, a name in `wire.keys.TABLE`; '' if it is of none."""
     match KEYS.parts(key):
         case [what] if what in TABLE:
             return what
@@ -61,14 +64,20 @@ class Census:
         self.events: set[str] = set()
 
     def send(self, key: str, payload: bytes) -> None:
-        """Know that a message is published or a query is sent. What is malformed does not count."""
-        if (what := key_of(key)) and (kind := TABLE[what].message) is not None:
-            self._know(kind, payload)
-            # Most actions have no deed, and leave the field out.
-            if b"deeds" in payload:
-                self._look_for_deeds(what, payload)
+        """Note a message that is published, or a query. A malformed one does not count."""
+        what = key_of(key)
+        if not what:
+            return
+        kind = TABLE[what].message
+        if kind is None:
+            return
+        self._note(kind, payload)
+        # Most actions have no deed, and leave the field out.
+        if b"deeds" in payload:
+            self._look_for_deeds(what, payload)
 
     def _look_for_deeds(self, what: str, payload: bytes) -> None:
+        """Note the deeds in a message. `what`: the kind of its key."""
         with suppress(ValueError):
             if what == "velocities":
                 reports, _ = velocities_of(payload)
@@ -78,19 +87,21 @@ class Census:
                 self.deeds.update(type_of(deed) for deed in read(payload, Velocity).deeds)
 
     def reply(self, key: str, payload: bytes) -> None:
-        """Know that a query is replied to."""
-        if what := key_of(key):
+        """Note a reply to a query of a key."""
+        what = key_of(key)
+        if what:
             for kind in TABLE[what].replies:
-                self._know(kind, payload)
+                self._note(kind, payload)
 
-    def _know(self, kind: type, payload: bytes) -> None:
+    def _note(self, kind: type, payload: bytes) -> None:
+        """Note a kind of message, if the payload is one."""
         if kind.__name__ not in self.messages:
             with suppress(ValueError):
                 read(payload, kind)
                 self.messages.add(kind.__name__)
 
     def step(self, events: Iterable[Event], letters: Mapping[str, Written]) -> None:
-        """Know what has happened in a step, and what was said."""
+        """Note what has happened in a step, and what agents wrote. `letters`: sender -> its own."""
         self.events.update(event.what for event in events)
         for written in letters.values():
             self.requests.update(type_of(body) for _, body in written.requests)
@@ -108,16 +119,16 @@ KINDS: dict[str, tuple[str, ...]] = {
 
 
 def summed_up(occurred: Iterable[Mapping[str, Sequence[str]]]) -> dict[str, dict[str, int]]:
-    """Return in how many schedules each kind has occurred.
+    """Return in how many schedules each kind has occurred, 0 included: "deeds" -> "couple" -> 12.
 
-    `occurred`: of each schedule, what has occurred of what.
+    `occurred`: for each schedule "deeds" -> the kinds that occurred in it, and so on.
     """
-    counts: dict[str, dict[str, int]] = {
-        what: dict.fromkeys(ones, 0) for what, ones in KINDS.items()
-    }
-    for one in occurred:
-        for what, kinds in one.items():
+    counts: dict[str, dict[str, int]] = {}
+    for what, names in KINDS.items():
+        counts[what] = dict.fromkeys(names, 0)
+    for of_schedule in occurred:
+        for what, names in of_schedule.items():
             of_what = counts.setdefault(what, {})
-            for kind in kinds:
-                of_what[kind] = of_what.get(kind, 0) + 1
-    return {what: dict(sorted(ones.items())) for what, ones in counts.items()}
+            for name in names:
+                of_what[name] = of_what.get(name, 0) + 1
+    return {what: dict(sorted(of_what.items())) for what, of_what in counts.items()}

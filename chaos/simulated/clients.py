@@ -1,4 +1,8 @@
-"""Foreign clients of a simulated run: each connects, does one thing, and goes."""
+"""Foreign clients of a simulated run: each connects, does one thing, and goes.
+
+CLIENTS has them by the name of their fault. None may do harm: what each of them does is allowed to
+a client, or is refused.
+"""
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -17,8 +21,9 @@ from orchard.wire.messages import RunMessage
 
 RUN = "run1"
 KEYS = Keys()
-ANOTHER_SEED = 5  # of a scenario after a reset
+ANOTHER_SEED = 5  # the seed of a scenario after a reset
 ASK_SECONDS = 3.0  # s that a client waits for replies
+PLAY_TRIES = 100  # tries to let a paused run play
 
 
 @dataclass
@@ -28,7 +33,7 @@ class Client:
     bus: Bus
     random: Random
     seconds: float  # how long it stays
-    # "stopped" or "reset", and what physics replied
+    # ("stopped" or "reset", what physics replied) for each emergency stop and its end.
     stops: list[tuple[str, wire.Stopped]] = field(default_factory=list)
     # How often physics has said that it begins the run again.
     resets: int = 0
@@ -39,9 +44,12 @@ class Client:
     def hear(self, seconds: float) -> Iterator[Item]:
         """Yield what arrives in so many seconds, as it arrives."""
         deadline = self.bus.clock() + seconds
-        while (left := deadline - self.bus.clock()) > 0.0:
-            if (item := self.bus.inbox.take(left)) is not None:
+        remaining = seconds
+        while remaining > 0.0:
+            item = self.bus.inbox.take(remaining)
+            if item is not None:
                 yield item
+            remaining = deadline - self.bus.clock()
 
     def wait(self, seconds: float) -> list[Item]:
         """Return what has arrived after so many seconds."""
@@ -50,24 +58,26 @@ class Client:
     def ask(
         self, what: str, message: RunMessage | None, session: str = "*", name: str = "*"
     ) -> list[bytes]:
-        """Send a query, and wait until its replies have come.
+        """Send a query, and wait until its replies have come. Return them, without errors.
 
-        Return them. `message`: None for a query without a payload.
+        `what`: a kind of key. `message`: None for a query without a payload.
         """
-        payload = b"" if message is None else pack(message)
+        payload = b""
+        if message is not None:
+            payload = pack(message)
         self.bus.ask(KEYS.of(what, name, session), payload, what, ASK_SECONDS)
         replies: list[bytes] = []
-        while not isinstance(item := self.bus.inbox.take(ASK_SECONDS), Final | None):
+        item = self.bus.inbox.take(ASK_SECONDS)
+        while item is not None and not isinstance(item, Final):
             if isinstance(item, Replied) and not item.error:
                 replies.append(item.payload)
+            item = self.bus.inbox.take(ASK_SECONDS)
         return replies
 
     def state(
         self, what: str = "simulation_state", message: RunMessage | None = None
     ) -> wire.SimulationState | None:
-        """Return whether the run plays, and its tick, as physics replies to a query; None if it
-        does not say so.
-        """
+        """Return the state of the run, as physics replies to a query; None without a reply."""
         for reply in self.ask(what, message):
             with suppress(ValueError):
                 return wire.read(reply, wire.SimulationState)
@@ -75,9 +85,7 @@ class Client:
 
 
 def claim(client: Client) -> None:
-    """Ask for agents that a host has, which is refused; or which it gets, if that host is just
-    gone. Then leave.
-    """
+    """Ask for agents that a host has, and leave. It gets them only if the host is just gone."""
     bus = client.bus
     names = client.random.sample(fetch_run(bus, KEYS).agents, 3)
     for name in names:
@@ -127,7 +135,10 @@ def lie(client: Client) -> None:
 
 
 def _lie_about(bus: Bus, seen: wire.Seen, owner: str) -> None:
+    """Publish false answers to a tick that the session `owner` is asked."""
+
     def publish(session: str, run: str = RUN, tick: int = seen.tick, owner: str = owner) -> None:
+        """Publish velocities on the key of a session. They name a run, a tick and an owner."""
         velocities = dict.fromkeys(seen.due, wire.Report(Twist(0.1, 0.0, 0.1)))
         bus.publish(
             KEYS.of("velocities", session=session),
@@ -161,7 +172,8 @@ def pause(client: Client) -> None:
     for _ in range(client.random.randrange(3)):
         step(client, client.random.randint(1, 5))
     client.wait(client.random.random())
-    for _ in range(100):  # it may be lost while physics is away, and then the run stays paused
+    # A query may be lost while physics is away, and then the run would stay paused.
+    for _ in range(PLAY_TRIES):
         if client.ask("set_simulation_state", wire.SetSimulationState(RUN, "playing")):
             return
         client.wait(0.2)
@@ -170,10 +182,10 @@ def pause(client: Client) -> None:
 def _steps_between(
     before: wire.SimulationState | None, after: wire.SimulationState | None
 ) -> int | None:
-    """Return the steps between two states of a paused run; None if it has not been paused at
-    both.
-    """
-    if before is None or after is None or {before.state, after.state} != {"paused"}:
+    """Return the steps between two states of a run; None if it was not paused at both."""
+    if before is None or after is None:
+        return None
+    if before.state != "paused" or after.state != "paused":
         return None
     return after.tick - before.tick
 
@@ -188,6 +200,7 @@ def step(client: Client, steps: int) -> None:
     done = _steps_between(before, after)
     if before is None or done is None:
         return
+    # If a reset came in between, the tick is a small one, or less than before.
     is_same_run = before.tick > steps and done >= 0
     if done > steps or (is_same_run and done < steps):
         client.complaints.append(f"{done} steps are done, and not {steps}")
@@ -241,7 +254,7 @@ def answer_falsely(client: Client) -> None:
 
 
 def _false_answer(random: Random, what: str, kind: str) -> bytes:
-    """Return a reply to a question that is no message, or one of another run."""
+    """Return a reply that is no message, or one of another run. `what`: the kind of the query."""
     if kind == "nonsense" or what == "scenario":
         return random.randbytes(random.randrange(30))
     if what == "join":
@@ -313,10 +326,11 @@ CLIENTS: dict[str, Callable[[Client], None]] = {
     "reset": reset,
     "quit": quit_run,
 }
+# Clients after which the hash is another one than that of local mode.
 CHANGES_THE_HASH = ("advise",)
 
 
 def let_act(what: str, client: Client) -> None:
-    """Let a client do its thing. What it hears, and that it may not connect, is its own affair."""
+    """Let a client do what its name says. It ends if it finds no run."""
     with suppress(BusError):
         CLIENTS[what](client)

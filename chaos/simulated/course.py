@@ -1,5 +1,7 @@
-"""The course of a run of many processes: what physics reported of each step, and whether local mode
-does the same.
+"""The course of a run of many processes: what physics reported of each step.
+
+It is compared with local mode, which does the same (reference.py). A run has several parts: a new
+one begins at a reset and at a fork. The observer (observer.py) tells it what happens.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -17,8 +19,8 @@ from orchard.field.scenario import Scenario
 from orchard.sim.snapshot import Snapshot
 
 LATCHED = ("stopped", "reset")  # events of emergency stops
-# For how long the figures of a physics that is gone may be under way, s: a link that is silent
-# keeps them for its lease.
+# s for which figures of a physics that is gone may be under way: a link that is silent keeps them
+# for its lease, and then they take some more time.
 LATE_SECONDS = LEASE + 3.0
 
 
@@ -35,13 +37,14 @@ class Step(NamedTuple):
 class Forgotten(NamedTuple):
     """Ticks that physics has simulated before it was started again from an earlier snapshot.
 
-    Where it has forgotten a stop since, the figures that it had published are of another run.
+    An emergency stop in one of them is forgotten, if it was not kept. Then the figures that physics
+    had published of these ticks do not fit the run as it goes on.
     """
 
-    reference: Reference  # what local mode does with the emergency stops of then
-    first: int  # the tick from which it goes on
-    last: int  # the tick to which it had come
-    until: float  # s: when such figures may arrive at the latest
+    reference: Reference  # what local mode does with the emergency stops of that time
+    first: int  # the tick from which physics goes on
+    last: int  # the tick to which it had come before
+    until: float  # s, virtual: when such figures may arrive at the latest
 
 
 class Said(NamedTuple):
@@ -54,9 +57,9 @@ class Said(NamedTuple):
 
 
 class Part:
-    """A part of a run: from its begin, a reset or a fork on.
+    """A part of a run: from its beginning, a reset or a fork on.
 
-    A step that is simulated again replaces the one before.
+    A step that is simulated again takes the place of the one before.
     """
 
     def __init__(
@@ -66,15 +69,22 @@ class Part:
         figures: Collection[int],
         first: int = 0,
     ) -> None:
-        """`figures`: the ticks at which figures were published. `first`: its first tick."""
+        """`reference`: what local mode does without emergency stops.
+
+        `figures`: the ticks at which figures were published. `first`: its first tick.
+        """
         self.scenario = scenario
         self.first = first
         self._reference = reference
         self._figures = figures
-        self._commanded: dict[bytes, Reference] = {}  # packed emergency stops -> what it does
-        self.steps: dict[int, Step] = {}  # tick -> the step from it
-        self.ended_at = inf  # s: when another part began
-        self.was_reset = False  # whether a user has ended it by a reset
+        # Packed emergency stops -> what local mode does with them.
+        self._commanded: dict[bytes, Reference] = {}
+        # Tick -> the step from it.
+        self.steps: dict[int, Step] = {}
+        # s, virtual: when another part began; infinity: it is the present one.
+        self.ended_at = inf
+        # Whether a user has ended it by a reset.
+        self.was_reset = False
 
     @property
     def tick(self) -> int:
@@ -84,11 +94,11 @@ class Part:
     @property
     def reference(self) -> Reference:
         """What local mode does, with the emergency stops of this run."""
-        commands = {
-            tick: stops
-            for tick, step in self.steps.items()
-            if (stops := [event for event in step.events if event.what in LATCHED])
-        }
+        commands = {}
+        for tick, step in self.steps.items():
+            stops = [event for event in step.events if event.what in LATCHED]
+            if stops:
+                commands[tick] = stops
         if not commands:
             return self._reference
         key = pack(sorted(commands.items()))
@@ -101,6 +111,7 @@ class Part:
         reference = self.reference
         for tick, step in sorted(self.steps.items()):
             if not step.is_whole:
+                # An agent was lost: from here on nothing is promised.
                 return
             if step.digest != reference.step_at(tick):
                 yield f"other events or messages than in local mode: tick {tick}"
@@ -126,32 +137,35 @@ class Course:
         # The ticks at which figures were published.
         self._figure_ticks: set[int] = set()
         self.parts = [Part(self._scenario, self._harvest, self._figure_ticks)]
-        self.is_reset = False  # whether the present part began with a reset
+        # Whether the present part began with a reset.
+        self.is_reset = False
+        # How many resets there were.
         self.resets = 0
-        # Where physics no longer knew that lockstep had not waited for some agents.
+        # Complaints: after these ticks physics no longer knew that some agents had been lost.
         self.forgotten: list[str] = []
         self._figures: list[Said] = []
-        # Of each restart.
+        # One for each restart of physics.
         self._forgotten_ticks: list[Forgotten] = []
-        self.is_whole = True  # whether lockstep has waited for all agents until now
+        # Whether lockstep has waited for all agents until now.
+        self.is_whole = True
 
     def begin(self, scenario: Mapping[str, Any], tick: int, is_reset: bool) -> None:
-        """Know that physics begins with a scenario at a tick.
-
-        `is_reset`: it is the first tick, because a user wants it.
-        """
+        """Note that physics begins with a scenario at a tick. `is_reset`: after a user's reset."""
         if is_reset:
             self.is_reset = True
             self.resets += 1
             self.parts[-1].was_reset = True
-            is_that_of_the_scene = scenario == self._scenario
-            reference = self._harvest if is_that_of_the_scene else replay_of(pack(scenario))
+            reference: Reference = self._harvest
+            if scenario != self._scenario:
+                reference = replay_of(pack(scenario))
             self._begin_part(Part(scenario, reference, self._figure_ticks))
             return
         if scenario != self.parts[-1].scenario:
-            # It has died before a reset was kept, and is the run before again.
-            for part in [part for part in self.parts if part.scenario == scenario][-1:]:
-                self._begin_part(part)
+            # Physics has died before a reset was kept. So it goes on with the run before it, whose
+            # part is the last one with this scenario.
+            same = [part for part in self.parts if part.scenario == scenario]
+            if same:
+                self._begin_part(same[-1])
             self.is_reset = False
         elif tick < self.parts[-1].first:
             # The snapshot that a fork began with is torn, and there is none before.
@@ -167,7 +181,7 @@ class Course:
         self.parts.append(part)
 
     def fork(self, begin: Snapshot) -> None:
-        """Know that the run goes on from a snapshot with changes."""
+        """Note that the run goes on from a snapshot with changes."""
         replay = Replay(begin, figures=self._figure_ticks)
         self._begin_part(Part(begin.scenario, replay, self._figure_ticks, begin.tick))
         self.is_reset = False
@@ -180,16 +194,19 @@ class Course:
         digest: bytes,
         is_whole: bool,
     ) -> None:
-        """Add a step. `digest`: the run's hash after it."""
+        """Add the step from a tick.
+
+        `letters`: sender -> its letters. `digest`: the run's hash after the step. `is_whole`:
+        whether lockstep has waited for all agents until then.
+        """
         self.is_whole = is_whole
         before = self.parts[-1].steps.get(tick - 1)
         if is_whole and before is not None and not before.is_whole:
             self.forgotten.append(f"the agents that were lost are forgotten: tick {tick}")
-        sent = [
-            (tick, type_of(body), sender)
-            for sender, written in letters.items()
-            for _, body in written.sent
-        ]
+        sent = []
+        for sender, written in letters.items():
+            for _, body in written.sent:
+                sent.append((tick, type_of(body), sender))
         step = Step(digest_of_step(events, letters), digest, list(events), sent, is_whole)
         self.parts[-1].steps[tick] = step
 
@@ -201,7 +218,7 @@ class Course:
         self._figures.append(said)
 
     def want_figures(self, tick: int) -> None:
-        """Know that figures of a tick are to be compared with those of local mode."""
+        """Note that figures of a tick are to be compared with those of local mode."""
         self._figure_ticks.add(tick)
 
     def differences(self, with_figures: bool) -> Iterator[str]:
@@ -213,35 +230,43 @@ class Course:
         if not with_figures:
             return
         for said in self._figures:
-            if said.is_whole and not any(
-                said.digest == reference.figures_at(said.tick)
-                for reference in self._references_of(said)
-            ):
+            if said.is_whole and not self._fits_a_reference(said):
                 yield f"other figures than in local mode: tick {said.tick}"
                 return
 
+    def _fits_a_reference(self, said: Said) -> bool:
+        """Whether some run of local mode has these figures."""
+        for reference in self._references_of(said):
+            if said.digest == reference.figures_at(said.tick):
+                return True
+        return False
+
     def _references_of(self, said: Said) -> Iterator[Reference]:
-        """Yield the runs of local mode of which figures may be: they may arrive late, and be of
-        what physics has forgotten since, or of the part before.
+        """Yield the runs of local mode of which figures may be.
+
+        They may arrive late: then they may be of the part before, or of ticks that physics has
+        forgotten since.
         """
         for part in self.parts:
             if said.at <= part.ended_at + LATE_SECONDS:
                 yield part.reference
-        for one in self._forgotten_ticks:
-            if one.first <= said.tick <= one.last and said.at <= one.until:
-                yield one.reference
+        for forgotten in self._forgotten_ticks:
+            is_of_these_ticks = forgotten.first <= said.tick <= forgotten.last
+            if is_of_these_ticks and said.at <= forgotten.until:
+                yield forgotten.reference
 
     def has(self, tick: int, what: str, names: Sequence[str]) -> bool:
-        """Whether robots were stopped or reset at a tick, or the run was reset in that tick."""
-        if any(part.was_reset and part.first <= tick == part.tick for part in self.parts):
-            return True
-        found = {
-            event.who
-            for part in self.parts
-            if tick in part.steps
-            for event in part.steps[tick].events
-            if event.what == what
-        }
+        """Whether robots were stopped or reset at a tick.
+
+        It is True, too, if the run was reset at that tick: then there is no step that tells it.
+        `what`: "stopped" or "reset".
+        """
+        found = set()
+        for part in self.parts:
+            if part.was_reset and part.first <= tick and part.tick == tick:
+                return True
+            if tick in part.steps:
+                found.update(event.who for event in part.steps[tick].events if event.what == what)
         return found.issuperset(names)
 
 

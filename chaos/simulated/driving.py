@@ -1,7 +1,7 @@
-"""Whether physics does what drivers ask for: each deed is done or refused, once, and advice drives
-for as long as it may.
+"""Whether physics does what drivers ask for: the sessions and clients that drive robots.
 
-It needs no other run to compare with: it holds in realtime, and where agents were lost.
+Each deed is done or refused, once, and advice drives for as long as it may. That is checked without
+another run to compare with, so also in realtime, and where agents were lost.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,8 +15,11 @@ from orchard.sim.engine import Engine
 from orchard.wire.codec import twist_of, velocities_of
 from orchard.wire.messages import Advice, Velocity, read
 
-ADVICE_TICKS = 5  # steps that one piece of advice drives at most, as keyspace.md promises
-PATIENCE = 10  # steps for which a robot asks for deeds, and none is done or refused
+# Steps that one piece of advice drives at most, as keyspace.md promises.
+ADVICE_TICKS = 5
+# Steps in turn in which a robot may ask for deeds, and none is done or refused.
+PATIENCE = 10
+# Event -> the deed that it shows to be done.
 DONE: dict[str, type] = {
     "coupled": Couple,
     "uncoupled": Uncouple,
@@ -55,6 +58,7 @@ class Driving:
                         self._want(name, report.deeds)
 
     def _want(self, name: str, deeds: Sequence[Deed]) -> None:
+        """Note the deeds that a robot asks for."""
         if deeds:
             self._wanted.setdefault(name, []).extend(deeds)
 
@@ -62,13 +66,15 @@ class Driving:
         """Look at a step that physics has reported."""
         if not self.complaints:
             self.complaints += [*self._of_deeds(tick, events), *self._of_advice(tick)]
-        # Physics reports a step when the next tick is published: answers to that may have come.
+        # Physics reports a step after it has published the next tick, so answers to that tick may
+        # have come already. What was asked for before the step counts for one more report.
         self._wanted_before = set(self._wanted)
         self._wanted = {}
 
     def _of_deeds(self, tick: int, events: Sequence[Event]) -> Iterator[str]:
-        """Complain about a robot whose deeds are neither done nor refused, and about one that does
-        what it is not asked for: it may do a deed once.
+        """Complain about a robot whose deeds are neither done nor refused for PATIENCE steps.
+
+        Complain about one, too, that does a deed which was not asked for, or does it again.
         """
         served = {event.who for event in events if event.what in DONE or event.what == REFUSED}
         for name in sorted(served - self._wanted.keys() - self._wanted_before):
@@ -93,7 +99,8 @@ class Driving:
         """Complain about a robot that drives by advice that is over."""
         for name, known in self._advised.items():
             action = self._engine.actions.get(name)
-            twist = STILL if action is None else action.twist
-            last = None if twist == STILL else known.get(twist)
-            if last is not None and tick - last >= ADVICE_TICKS:
+            if action is None or action.twist == STILL or action.twist not in known:
+                continue
+            last = known[action.twist]
+            if tick - last >= ADVICE_TICKS:
                 yield f"{name} is driven by advice of tick {last}: tick {tick}"

@@ -1,6 +1,4 @@
-"""A disk that takes half of a write, because it is full or because the process that writes is
-killed.
-"""
+"""A disk that takes half of a write: it is full, or the process that writes is killed."""
 
 import os
 from collections.abc import Iterator
@@ -14,11 +12,13 @@ class WriterKilled(BaseException):
 
 @contextmanager
 def takes_half(end: BaseException) -> Iterator[None]:
-    """Let each file that is written in this context have half of its bytes, and the write end with
-    `end`.
+    """In this context each file that is written gets half of its bytes, and then `end` is raised.
+
+    Files are written by `orchard.folders.write_whole`, which calls `os.fsync` at its end.
     """
 
     def keep_half(file: int) -> None:
+        """Cut off the second half of a file, in place of `os.fsync`."""
         os.ftruncate(file, os.fstat(file).st_size // 2)
         raise end
 

@@ -1,9 +1,8 @@
-"""The whole harvest of each scene in local mode: what schedules begin from, and what they must come
-to.
+"""The whole harvest of each scene in local mode: schedules begin from it, and must do the same.
 
 A harvest is made once for each state of the program, in a process of its own, and kept in
-`.harvests/`: all workers read it there, and what a test or a mutation has changed in its own
-process does not change it.
+`.harvests/`, where all workers read it. So it does not depend on what a test or a mutation has
+changed in its own process.
 """
 
 import fcntl
@@ -31,39 +30,47 @@ from orchard.sim.snapshot import Snapshot
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / ".harvests"
 EXPECTED = Path(__file__).parent / "expected.json"
+# Ticks between two snapshots of a harvest, at which schedules can begin.
 KEYFRAME_TICKS = 20
-MOST_TICKS = 10_000  # of a harvest whose end is not known yet
-LATER = 1.25  # times its stored ticks, after which a harvest that has not ended is broken off
-# what happens, beside events and messages
+# Ticks after which a harvest is broken off whose length is not stored yet.
+MOST_TICKS = 10_000
+# A harvest that lasts for so many times its stored ticks is broken off.
+LATER = 1.25
+# What happens, beside events and messages.
 HARVESTED = "harvested"
 FAILED = "failed"
 REPAIRED = "repaired"
-# the events that are counted exactly: how often a bin was handled follows from rows and bins alone
+# Events that are counted exactly: how often a bin is handled follows from rows and bins alone.
 OF_BINS = ("coupled", "uncoupled", "bin full", "row picked", "unloaded")
+# What must happen in a scene if it is stored of it, no matter how often.
 OTHERS = ("picks from", "weed flattened", "charging", "charged", FAILED)
-# figures that depend on the wall clock, or on how often an agent has joined; or that only a run
-# that is over has
+# Figures that two runs of a scenario may not have in common. They depend on the wall clock, or on
+# how often an agent has joined, or only a run that is over has them.
 OF_THIS_RUN = ("wall_seconds", "times_real_time", "asked_share", "schedule_sim_seconds")
 
 
 class Counts(msgspec.Struct, forbid_unknown_fields=True):
-    """What is stored in the repository of a scene: a harvest that is wrong in each mode is found by
-    it.
+    """What happens in a scene, as chaos/simulated/expected.json stores it.
+
+    A harvest that is wrong in the same way in all modes is found by it.
     """
 
-    ticks: int  # of the whole harvest; a later change may make it a little longer
-    bins: dict[str, int]  # event of OF_BINS -> how often it happens
-    others: list[str]  # what happens besides, of OTHERS
+    # Of the whole harvest. A later change of the program may make it a little longer.
+    ticks: int
+    # Event of OF_BINS -> how often it happens.
+    bins: dict[str, int]
+    # What happens of OTHERS.
+    others: list[str]
 
     def differences(self, expected: "Counts | None") -> list[str]:
         """Return a sentence for each count that is not the stored one."""
         if expected is None:
             return ["nothing is stored of it"]
-        found = [
-            f"{self.bins.get(what, 0)} times {what!r}, not {count}"
-            for what, count in expected.bins.items()
-            if self.bins.get(what, 0) != count
-        ]
+        found = []
+        for what, wanted in expected.bins.items():
+            count = self.bins.get(what, 0)
+            if count != wanted:
+                found.append(f"{count} times {what!r}, not {wanted}")
         found += [f"never {what!r}" for what in expected.others if what not in self.others]
         if self.ticks > LATER * expected.ticks:
             found.append(f"{self.ticks} ticks, not {expected.ticks}")
@@ -73,14 +80,14 @@ class Counts(msgspec.Struct, forbid_unknown_fields=True):
 class Harvest(msgspec.Struct):
     """A harvest in local mode, tick by tick."""
 
-    made_by: str  # the digest of the program
+    made_by: str  # the digest of the program: see `program`
     ticks: int
-    hashes: list[bytes]  # at each tick
-    figures: list[bytes]  # at each tick, their digest
-    steps: list[bytes]  # of the step from each tick: the digest of its events and messages
-    keyframes: dict[int, bytes]  # tick -> snapshot
+    hashes: list[bytes]  # tick -> the hash
+    figures: list[bytes]  # tick -> the digest of the figures
+    steps: list[bytes]  # tick -> the digest of the events and messages of the step from it
+    keyframes: dict[int, bytes]  # tick -> snapshot, packed
     moments: dict[str, list[int]]  # event, message, or state -> the ticks at which it happens
-    differences: list[str]  # to what is stored in the repository
+    differences: list[str]  # sentences on what is not as it is stored
 
     def last_keyframe(self, tick: int) -> int:
         """Return the tick of the last keyframe up to a tick."""
@@ -111,6 +118,7 @@ def digest_of_step(events: Iterable[Event], letters: Mapping[str, Written]) -> b
 
 
 def _digest(data: Any) -> bytes:
+    """Return a checksum of plain data."""
     return hashlib.blake2b(pack(data), digest_size=8).digest()
 
 
@@ -137,14 +145,17 @@ class _Making:
         made.figures.append(digest_of_figures(run.figures.figures()))
         if run.tick % KEYFRAME_TICKS == 0:
             made.keyframes[run.tick] = pack(run.snapshot())
-        if run.ended != "duration":
+        # A run that goes on says that it would end by its duration.
+        is_over = run.ended != "duration"
+        if is_over:
             self._happens(HARVESTED)
-        if run.ended != "duration" or run.tick >= self._most:
+        if is_over or run.tick >= self._most:
             return False
         self._step()
         return True
 
     def _step(self) -> None:
+        """Do the next step, and record what happens in it."""
         run = self._run
         events = run.local.tick()
         run.figures.update(events)
@@ -168,8 +179,10 @@ class _Making:
                 self._happens(REPAIRED)
 
     def _happens(self, what: str) -> None:
+        """Record that something happens at the present tick."""
         self._counts[what] += 1
         ticks = self.harvest.moments.setdefault(what, [])
+        # Each tick once, however often it happens.
         if ticks[-1:] != [self.harvest.ticks]:
             ticks.append(self.harvest.ticks)
 
@@ -182,11 +195,14 @@ class _Making:
 
 
 def made(scene: str, expected: Counts | None) -> tuple[Harvest, Counts]:
-    """Let local mode harvest a scene.
+    """Let local mode harvest a scene. Return the harvest, and what happened in it.
 
     `expected`: what is stored of it; None: it is made for the first time.
     """
-    making = _Making(scene, MOST_TICKS if expected is None else int(LATER * expected.ticks) + 1)
+    most = MOST_TICKS
+    if expected is not None:
+        most = int(LATER * expected.ticks) + 1
+    making = _Making(scene, most)
     while making.go_on():
         pass
     return making.harvest, making.counts
@@ -247,7 +263,8 @@ def _read(file: Path) -> Harvest | None:
     """Return the harvest in a file; None if it is of another state of the program."""
     with suppress(OSError, ValueError):
         found: Harvest = unpack(file.read_bytes(), Harvest)
-        return found if found.made_by == program() else None
+        if found.made_by == program():
+            return found
     return None
 
 

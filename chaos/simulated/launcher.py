@@ -19,13 +19,15 @@ from orchard.security.identity import Identity
 
 
 class Launcher(SimulatedProcess):
-    """The process of run.py. `result`: what it returns, the summary and why the run has ended."""
+    """The process of run.py."""
 
     def __init__(self, world: World, request: RunRequest) -> None:
         super().__init__(world, ProcessSpec(RUN_PY, "run", ()), request, 0, start_seconds=0.0)
         self.supervisor = SimulatedSupervisor(world)
+        # What it returns: the summary, None without one, and why the run has ended.
         self.result: tuple[dict[str, Any] | None, str] = (None, "")
-        self.over_at: float | None = None  # s: when it knew that the run was over
+        # s, virtual: when it knew that the run was over; None: it does not know yet.
+        self.over_at: float | None = None
 
     def body(self) -> int:
         with self.supervisor:
@@ -35,15 +37,16 @@ class Launcher(SimulatedProcess):
     def kill(self) -> None:
         """Kill it. It ends none of its processes; but their lines close, and so they end."""
         if self.code is None:
+            # The supervisor would end them in its `finally` block, which still runs.
             running = self.supervisor.running
             self.supervisor.running = {}
             super().kill()
-            for one in running.values():
-                one.line.let_go()
+            for process in running.values():
+                process.line.let_go()
 
 
 class FollowedRun(LaunchedRun):
-    """What run.py does. The time at which the run was over is known."""
+    """What run.py does, by its own code. It notes when the run was over."""
 
     def __init__(self, launcher: Launcher) -> None:
         request = launcher.order
@@ -64,9 +67,9 @@ class FollowedRun(LaunchedRun):
         return self._launcher.connected(seconds)
 
     def follow(self, inbox: Inbox) -> tuple[dict[str, Any] | None, str]:
-        followed = super().follow(inbox)
+        result = super().follow(inbox)
         self._launcher.over_at = self._launcher.world.scheduler.now
-        return followed
+        return result
 
 
 class SimulatedProgress(Progress):

@@ -127,8 +127,8 @@ def summed_up(occurred: Iterable[Mapping[str, Sequence[str]]]) -> dict[str, dict
     for what, names in KINDS.items():
         counts[what] = dict.fromkeys(names, 0)
     for of_schedule in occurred:
-        for what, names in of_schedule.items():
+        for what, occurred_names in of_schedule.items():
             of_what = counts.setdefault(what, {})
-            for name in names:
+            for name in occurred_names:
                 of_what[name] = of_what.get(name, 0) + 1
     return {what: dict(sorted(of_what.items())) for what, of_what in counts.items()}

@@ -261,7 +261,7 @@ class Course:
         It is True, too, if the run was reset at that tick: then there is no step that tells it.
         `what`: "stopped" or "reset".
         """
-        found = set()
+        found: set[str] = set()
         for part in self.parts:
             if part.was_reset and part.first <= tick and part.tick == tick:
                 return True

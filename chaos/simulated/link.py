@@ -1,5 +1,8 @@
 """A link between a session and the router of the simulated network, with delays and faults.
 
+session.py stands at one side of a link, router.py at the other. What is sent is a function that is
+called when it arrives.
+
 - A link has two directions, and each has two lanes: declarations (subscribers, queryables, tokens)
   may overtake data, and data never declarations. A lane keeps its order.
 - A link that is silent for LEASE seconds is closed by each side that notices it; what is under way
@@ -22,30 +25,30 @@ from orchard.net.zenoh_bus import FULL_QUEUE_US, LEASE_MS
 LEASE = LEASE_MS / 1000.0  # s
 FULL_SECONDS = FULL_QUEUE_US / 1e6  # s that a full link may stay full
 ROOM = 40  # messages that a silent link holds in each direction
+# s after which the other side of a link notices that one side has closed it.
+NOTICED_SECONDS = 0.01
 # Lanes.
 DATA = 0
 CONTROL = 1
-# Directions: to the router, and from it.
+# Directions: to the router, and from it. They are, too, the indices of the side that sends in that
+# direction: the session is 0, the router 1.
 UP = 0
 DOWN = 1
 
 
-# The bytes of a payload from which on its size counts: a smaller one is sent together with others.
+# Bytes of a payload from which on its size counts, as those of a packet on Ethernet: a smaller one
+# is sent together with others.
 LARGE = 1500
-# The bytes of the messages of a tick that wait for each other on a link, in the scenes of
-# schedules.
+# Bytes of the messages of a tick that wait for each other on a link, in the scenes of schedules.
 OF_A_TICK = 20_000
 
 
 class Delays(NamedTuple):
-    """How long messages take on one link.
+    """How long messages take on one link."""
 
-    `typical`, `slow`: s; `share`: of messages that are slow.
-    """
-
-    typical: float = 1e-3
-    slow: float = 0.1
-    share: float = 0.02
+    typical: float = 1e-3  # s, the mean of most messages
+    slow: float = 0.1  # s, the most that a slow message takes
+    share: float = 0.02  # of messages that are slow
     bytes_per_second: float = inf
 
     @property
@@ -55,11 +58,17 @@ class Delays(NamedTuple):
         return self.share * self.slow + 2.0 * (self.typical + size)
 
     def draw(self, random: Random) -> float:
-        return random.random() * (self.slow if random.random() < self.share else 2.0 * self.typical)
+        """Return how long a message takes, s."""
+        part = random.random()
+        if random.random() < self.share:
+            return part * self.slow
+        return part * 2.0 * self.typical
 
     def to_send(self, size: int) -> float:
         """Return how long a payload of so many bytes keeps the link busy, s."""
-        return size / self.bytes_per_second if size >= LARGE else 0.0
+        if size < LARGE:
+            return 0.0
+        return size / self.bytes_per_second
 
 
 class SessionSide(Protocol):
@@ -147,19 +156,30 @@ class Link:
         self._scheduler = router.scheduler
         self._delays = delays
         self._random = random
-        self.is_open = [True, True]  # as the session sees it, as the router sees it
-        self._last = [[0.0, 0.0], [0.0, 0.0]]  # direction -> lane -> s: the newest arrival
-        self._free_at = [0.0, 0.0]  # direction -> s: when all that was sent has left
-        self._silent = [0, 0]  # how many faults silence each direction
-        self._since = [0, 0]  # the number of the silence that lasts, 0 without one
+        # Whether it is open as the session sees it, and as the router sees it.
+        self.is_open = [True, True]
+        # Direction -> lane -> s, virtual: the newest arrival.
+        self._last = [[0.0, 0.0], [0.0, 0.0]]
+        # Direction -> s, virtual: when all that was sent has left.
+        self._free_at = [0.0, 0.0]
+        # Direction -> how many faults silence it.
+        self._silent = [0, 0]
+        # Direction -> the number of the silence that lasts; 0 without one.
+        self._since = [0, 0]
+        # How many silences have begun.
         self._silences = 0
+        # Direction -> what waits for the end of its silence.
         self._waiting: list[list[Callable[[], None]]] = [[], []]
+        # Whether a sender waits, because a silent direction holds ROOM messages.
         self._is_full = False
+        # What changes payloads on their way; None: nothing does.
         self.tearer: Tearer | None = None
 
     def carried(self, key: str, payload: bytes, is_reply: bool = False) -> bytes:
         """Return a payload as it arrives at the other side, in either direction."""
-        return payload if self.tearer is None else self.tearer.carry(key, payload, is_reply)
+        if self.tearer is None:
+            return payload
+        return self.tearer.carry(key, payload, is_reply)
 
     def send(
         self,
@@ -171,17 +191,21 @@ class Link:
     ) -> None:
         """Let `act` happen at the other side, unless the message is lost.
 
-        `size`: of its payload, bytes.
+        `way`: the direction. `may_drop`: the message is lost if the link is full. `size`: of its
+        payload, bytes.
         """
         if not self.is_open[way]:
             return
         if self._silent[way] and len(self._waiting[way]) >= ROOM:
             if may_drop:
                 return
-            self._close_if_full()  # its sender waits until then
+            self._close_if_full()
         last = self._last[way]
         now = self._scheduler.now
-        before = last[CONTROL] if lane == CONTROL else max(last)
+        # It arrives after all that it must not overtake.
+        before = max(last)
+        if lane == CONTROL:
+            before = last[CONTROL]
         leaves_at = max(now, self._free_at[way]) + self._delays.to_send(size)
         self._free_at[way] = leaves_at
         at = max(before, leaves_at + self._delays.draw(self._random))
@@ -189,14 +213,22 @@ class Link:
         self._scheduler.after(at - now, partial(self._arrive, way, act))
 
     def _close_if_full(self) -> None:
+        """Close the link after FULL_SECONDS, unless it takes messages again by then."""
+
+        def close_now() -> None:
+            if self._is_full:
+                self.close()
+
         if not self._is_full:
             self._is_full = True
-            self._scheduler.after(FULL_SECONDS, lambda: self.close() if self._is_full else None)
+            self._scheduler.after(FULL_SECONDS, close_now)
 
     def _arrive(self, way: int, act: Callable[[], None]) -> None:
+        """Let a message arrive, or wait for the end of a silence."""
+        receiver = 1 - way
         if self._silent[way]:
             self._waiting[way].append(act)
-        elif self.is_open[1 - way]:
+        elif self.is_open[receiver]:
             act()
 
     def silence(self, ways: Iterable[int]) -> None:
@@ -208,7 +240,9 @@ class Link:
             self._silent[way] += 1
             self._silences += 1
             self._scheduler.after(LEASE, partial(self._close_if_silent, way, self._silences))
-            self._since[way] = self._since[way] or self._silences
+            # A silence that begins while another one lasts is part of that.
+            if self._since[way] == 0:
+                self._since[way] = self._silences
 
     def speak(self, ways: Iterable[int]) -> None:
         """End a silence. What has waited arrives."""
@@ -226,16 +260,20 @@ class Link:
             self._close_if_heard()
 
     def _close_if_silent(self, way: int, number: int) -> None:
+        """Close a link at the side that hears nothing, if a silence lasts.
+
+        `number`: of the silence that began LEASE ago. One that has begun later does not count.
+        """
         if 0 < self._since[way] <= number:
             self.close(session=way == DOWN, router=way == UP)
 
     def end(self, way: int, share: float) -> None:
         """Close it from the side that sends in a direction.
 
-        `share`: how much of what it has sent still arrives.
+        `share`: how much of what that side has sent still arrives.
 
-        The other side of a silent link does not hear of it: it notices after LEASE, or as the
-        silence ends.
+        The other side of a silent link does not hear that it is closed. It notices that after
+        LEASE, or when the silence ends.
         """
         under_way = max(self._last[way]) - self._scheduler.now
         self.is_open[way] = False
@@ -243,22 +281,27 @@ class Link:
         self._scheduler.after(LEASE, self.close)
 
     def _close_if_heard(self) -> None:
+        """Close it at both sides, unless a silence keeps that from the other side."""
         if not any(self._silent):
             self.close()
 
     def close(self, session: bool = True, router: bool = True) -> None:
         """Close it, as one side or both see it.
 
-        A side that it is not closed for notices soon: the other's socket is gone.
+        If only one side sees it closed, the other one notices soon that the socket is gone, or
+        after LEASE if the link is silent.
         """
-        if router and self.is_open[1]:
-            self.is_open[1] = False
+        if router and self.is_open[DOWN]:
+            self.is_open[DOWN] = False
             self.router.lose(self)
-        if session and self.is_open[0]:
-            self.is_open[0] = False
+        if session and self.is_open[UP]:
+            self.is_open[UP] = False
             self.session.lose(self)
         if any(self.is_open):
-            self._scheduler.after(0.01 if not any(self._silent) else LEASE, self.close)
+            noticed_after = NOTICED_SECONDS
+            if any(self._silent):
+                noticed_after = LEASE
+            self._scheduler.after(noticed_after, self.close)
 
 
 class DirectLink(Link):

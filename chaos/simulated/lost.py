@@ -1,6 +1,4 @@
-"""What must hold after a session was lost: it owns nothing any more, and no robot without a driver
-drives.
-"""
+"""What must hold after a session was lost: it owns no agent, and its robots do not drive on."""
 
 from collections.abc import Iterator
 
@@ -17,11 +15,11 @@ def faults_of_lost(loop: RunLoop) -> Iterator[str]:
     drivers = loop.run.drivers
     roster = drivers.roster
     actions = loop.run.engine.actions
-    released = {
-        name: owner for name, owner in roster._last_owners.items() if name not in roster.owners
-    }
+    # Agent without an owner -> its last one.
+    last_owners = roster._last_owners.items()
+    released = {name: owner for name, owner in last_owners if name not in roster.owners}
     for name, owner in sorted(released.items()):
-        kept = sorted(other for other, one in roster.owners.items() if one == owner)
+        kept = sorted(other for other, its_owner in roster.owners.items() if its_owner == owner)
         if kept:
             yield f"a session is lost for {name}, and keeps {kept[0]}"
     for name in sorted(released):

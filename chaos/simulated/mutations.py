@@ -1,5 +1,9 @@
-"""The protocol with one safety net cut out at a time: each must be found by some schedule, or the
-net is not needed.
+"""The protocol with one safety net cut out at a time.
+
+A mutation cuts one net out: it changes a constant, puts a stand-in in the place of a function
+(stand_ins.py), or changes some words of its source. Some schedule must fail with the mutation that
+does not fail without it, else the net is not needed. `python -m chaos.simulated mutations` looks
+for the first such schedule of each mutation.
 """
 
 import inspect
@@ -31,16 +35,23 @@ from orchard.sim.engine import Engine
 from orchard.wire import messages as wire
 
 
+# Characters of a complaint that the table of mutations shows.
+SHOWN = 100
+
+
 class Cut(NamedTuple):
     """What takes the place of one name of a module or class."""
 
-    owner: Any
+    owner: Any  # the module or class
     name: str
     replacement: Any
 
 
 def _with_words(owner: Any, name: str, before: str, after: str) -> Cut:
-    """Return the function of a class or module with some words of its source changed."""
+    """Return the function of a class or module with some words of its source changed.
+
+    Raises ValueError unless the words `before` are in the source once: the function has changed.
+    """
     function = inspect.getattr_static(owner, name)
     source = textwrap.dedent(inspect.getsource(function))
     if source.count(before) != 1:
@@ -50,6 +61,7 @@ def _with_words(owner: Any, name: str, before: str, after: str) -> Cut:
     return Cut(owner, name, made[name])
 
 
+# What the program does with the mutation -> what is cut.
 MUTATIONS: dict[str, tuple[Cut, ...]] = {
     "physics never sends a tick again": (Cut(loop, "AGAIN_SECONDS", inf),),
     "a host never doubts its mail": (Cut(mailbox.Mailbox, "may_lack_mail", stand_ins.never),),
@@ -286,7 +298,7 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
 }
 
 
-# What no schedule shows, and why: the test that finds it instead.
+# Mutation -> the test that finds it, and why no schedule does.
 BY_TESTS: dict[str, str] = {
     "each join moves the deadline": (
         "tests/net/test_mail.py: a host is away for longer than physics waits only if others join"
@@ -350,14 +362,15 @@ def cut_out(name: str) -> Iterator[None]:
 
 
 def first_seed(most: int, name: str) -> tuple[int | None, str]:
-    """Return the first seed, below `most`, at which only the mutation fails, and what fails then;
-    None and '' if there is none.
+    """Return the first seed at which the program fails with a mutation, and not without it.
+
+    Return, too, the complaint. If no seed below `most` does it, return None and ''.
     """
     for seed in range(most):
-        # Drawn before: what a schedule begins from is that of the whole program.
+        # It is drawn before the cut: what a schedule begins from must be that of the whole program.
         plan = draw(seed)
         with cut_out(name):
             complaints = carry_out(plan).complaints
         if complaints and not carry_out(plan).complaints:
-            return seed, complaints[0].splitlines()[0][:100]
+            return seed, complaints[0].splitlines()[0][:SHOWN]
     return None, ""

@@ -21,15 +21,11 @@ from chaos.simulated.tearing import NO_TEARS, Tearer
 from orchard.net.endpoints import BusError
 from orchard.net.zenoh_bus import CONNECT_SECONDS
 
-RETRY = (
-    0.1,
-    0.15,
-    0.225,
-    0.3375,
-    0.5,
-)  # s between the tries to connect again; the last one for all others
-
-
+# s before the first, second, ... try to connect again; the last one for all further tries. It is
+# what `connect/retry` of zenoh_bus.py gives: from 100 to 500 ms, each 1.5 times the one before.
+RETRY = (0.1, 0.15, 0.225, 0.3375, 0.5)
+# s between two tries to connect for the first time.
+CONNECT_RETRY = 0.1
 # How long it takes until the thread that reads the inbox of the router's own session has the
 # processor.
 OF_A_THREAD = Delays(typical=2e-5, slow=2e-3, share=0.01)
@@ -52,16 +48,23 @@ class Network:
         self._delays = delays
         self.router: Router | None = None
         self.sessions: list[SimulatedBus] = []
-        self.late = 0.0  # s by which tokens come later than messages
+        # s by which tokens come later than messages.
+        self.late = 0.0
+        # How often payloads change on their way, and how many have.
         self.tears = NO_TEARS
-        self.torn = 0  # payloads that have changed on their way
-        self.lines: list[str] = []  # the trace
+        self.torn = 0
+        # The lines of the trace, which are written if it is wanted.
+        self.lines: list[str] = []
         self.is_traced = False
         self.census = Census()
+        # Name of a process -> how many sessions it has opened.
         self._ids: dict[str, int] = {}
+        # The last number that was given to a query or a link.
         self._number = 0
-        self._cut_until: dict[str, float] = {}  # name of a process -> s
-        self._frozen: dict[str, int] = {}  # name of a process -> how often
+        # Name of a process -> s, virtual, until which it cannot connect.
+        self._cut_until: dict[str, float] = {}
+        # Name of a process -> how many faults freeze it.
+        self._frozen: dict[str, int] = {}
 
     def trace(self, line: str) -> None:
         """Write a line of the trace."""
@@ -69,10 +72,12 @@ class Network:
             self.lines.append(f"{self.scheduler.now:10.4f}  {line}")
 
     def new_id(self, name: str) -> str:
+        """Return the id of a new session of a process: "agents 1" gives "agents1x1"."""
         self._ids[name] = self._ids.get(name, 0) + 1
         return f"{''.join(filter(str.isalnum, name))}x{self._ids[name]}"
 
     def next_number(self) -> int:
+        """Return a number that no query and no link has."""
         self._number += 1
         return self._number
 
@@ -106,7 +111,7 @@ class Network:
         while not self._can_connect(bus):
             if self.scheduler.now >= deadline:
                 raise BusError(f"{self.ENDPOINT}: no router answers there; tried for {seconds:g} s")
-            bus.sleep(0.1)
+            bus.sleep(CONNECT_RETRY)
         self.sessions.append(bus)
         self._connect(bus)
         try:
@@ -115,7 +120,10 @@ class Network:
             self.end(bus)
 
     def open(self, name: str, inbox: VirtualInbox) -> SimulatedBus:
-        """Open a session that no task waits with. It is linked as soon as there is a router."""
+        """Open a session for a caller that is no task, and so cannot wait.
+
+        It is linked as soon as there is a router.
+        """
         bus = SimulatedBus(self, name, None, inbox, None)
         self.sessions.append(bus)
         self._try_again(bus, 0)
@@ -129,22 +137,24 @@ class Network:
             self.sessions.remove(bus)
 
     def _can_connect(self, bus: SimulatedBus) -> bool:
-        if (
-            self.router is None
-            or not self.router.is_open
-            or self.scheduler.now < self._cut_until.get(bus.name, -inf)
-        ):
+        """Whether a session can be linked now: a router is there, and no fault keeps it away."""
+        if self.router is None or not self.router.is_open:
+            return False
+        if self.scheduler.now < self._cut_until.get(bus.name, -inf):
             return False
         return not self._frozen.get(bus.name) and not self._frozen.get(self.router.owner)
 
     def _connect(self, bus: SimulatedBus) -> None:
+        """Link a session to the router."""
         assert self.router is not None
         number = self.next_number()
         link = Link(bus, self.router, self._delays, Random(f"{self.seed} {bus.id} {number}"))
         if self.tears:
             random = Random(f"tears {self.seed} {bus.id} {number}")
             link.tearer = Tearer(self.tears, random, partial(self._tear, bus))
-        if (old := self.router.links.get(bus.id)) is not None:
+        old = self.router.links.get(bus.id)
+        if old is not None:
+            # The router has not noticed yet that the session has lost it.
             old.close(session=False)
         self.trace(f"{bus.id} is linked")
         bus.use(link)
@@ -155,10 +165,12 @@ class Network:
         self.trace(f"a payload changes on the link of {bus.id}")
 
     def connect_again(self, bus: SimulatedBus, tries: int = 0) -> None:
-        """Try to connect a session again, until that succeeds."""
-        self.scheduler.after(RETRY[min(tries, len(RETRY) - 1)], lambda: self._try_again(bus, tries))
+        """Try to connect a session again, until that succeeds. `tries`: that failed so far."""
+        seconds = RETRY[min(tries, len(RETRY) - 1)]
+        self.scheduler.after(seconds, lambda: self._try_again(bus, tries))
 
     def _try_again(self, bus: SimulatedBus, tries: int) -> None:
+        """Connect a session, or try it again later."""
         if bus.is_dead or bus.link is not None:
             return
         if self._can_connect(bus):
@@ -186,12 +198,13 @@ class Network:
         return self.router is not None and self.router.is_open
 
     def links_of(self, name: str) -> list[Link]:
-        """Return the links of a process."""
-        return [
-            bus.link
-            for bus in self.sessions
-            if bus.name == name and bus.link is not None and not isinstance(bus.link, DirectLink)
-        ]
+        """Return the links of a process, without the direct one of a router's own session."""
+        links = []
+        for bus in self.sessions:
+            if bus.name != name or bus.link is None or isinstance(bus.link, DirectLink):
+                continue
+            links.append(bus.link)
+        return links
 
     def cut(self, name: str, seconds: float) -> None:
         """Close the links of a process; it cannot connect again for so long."""
@@ -200,19 +213,18 @@ class Network:
             link.close()
 
     def freeze(self, name: str) -> Callable[[], None]:
-        """Let a process take no part.
+        """Let a process take no part. Return a function that ends that.
 
-        If it has the router, that takes none either. Return a function that ends it.
+        If the process has the router, no link works meanwhile.
         """
         self._frozen[name] = self._frozen.get(name, 0) + 1
         has_router = any(
             bus.name == name and isinstance(bus.link, DirectLink) for bus in self.sessions
         )
-        links = (
-            list(self.router.links.values())
-            if has_router and self.router is not None
-            else self.links_of(name)
-        )
+        if has_router and self.router is not None:
+            links = list(self.router.links.values())
+        else:
+            links = self.links_of(name)
         speak = self._silenced(links, (UP, DOWN))
 
         def thaw() -> None:
@@ -224,11 +236,13 @@ class Network:
     def after_messages(
         self, name: str, count: int, act: Callable[[], None], only_queries: bool
     ) -> None:
-        """Let `act` happen as a process is about to send its message, or its query, of that number
-        from now on.
+        """Let `act` happen when a process is about to send its `count`-th message from now on.
+
+        `only_queries`: only queries count.
         """
-        for bus in [bus for bus in self.sessions if bus.name == name]:
-            bus.fuse = Fuse(count, act, only_queries)
+        for bus in self.sessions:
+            if bus.name == name:
+                bus.fuse = Fuse(count, act, only_queries)
 
     def silence(self, name: str, seconds: float, ways: tuple[int, ...] = (UP, DOWN)) -> None:
         """Let nothing through on the links of a process for so long."""

@@ -1,4 +1,8 @@
-"""Follows what physics does in a schedule, whichever process has it."""
+"""Follows what physics does in a schedule, whichever process has it.
+
+It puts functions of its own around some methods of physics, and passes on what it sees to the
+course (course.py), the census (census.py) and the check of drivers (driving.py).
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -20,19 +24,22 @@ class Observer:
         """`clock`: of the schedule, s."""
         self.course = Course(scene, clock)
         self._census = census
-        self.driving: list[Driving] = []  # of each physics that has begun
-        # What no physics may do, and one has done.
+        # One for each physics that has begun.
+        self.driving: list[Driving] = []
+        # Complaints about what physics may never do.
         self._wrong: list[str] = []
-        # Tick -> the refusals that were counted when the snapshot of it was made that is on the
-        # disk; and of each one that may not be there yet, the oldest first.
+        # Tick -> the refusals that were counted when its snapshot was made, which is on the disk.
         self._refused_at: dict[int, dict[str, int]] = {}
+        # Tick -> the same, of each of its snapshots that may not be on the disk yet, oldest first.
         self._refused_in: dict[int, list[dict[str, int]]] = {}
-        self._begun: SimulatedBus | None = None  # the session of the last one
+        # The session of the physics that has begun last.
+        self._begun: SimulatedBus | None = None
 
     def begin(self, loop: RunLoop, buses: Sequence[SimulatedBus], is_reset: bool) -> None:
         """Follow a loop of physics, which is about to begin.
 
-        `buses`: the sessions that physics has had so far, its own the last.
+        `buses`: the sessions that all processes of physics have had so far, that of the loop last.
+        `is_reset`: a user's reset has led to it.
         """
         bus = buses[-1]
         if is_reset:
@@ -61,15 +68,22 @@ class Observer:
     def _watch_seed(self, loop: RunLoop, buses: Sequence[SimulatedBus]) -> None:
         """Complain about a run that has begun again with a seed for which nobody has asked it."""
         before = self.course.parts[-1].scenario["seed"]
-        since = buses.index(self._begun) if self._begun in buses else 0
-        # More than one session, if a run was reset again, or killed, before it had begun.
-        asked = [query for bus in buses[since:-1] for query in bus.queries]
+        since = 0
+        if self._begun in buses:
+            since = buses.index(self._begun)
+        # The queries of all sessions from the last one that has begun to the one before this.
+        # These are several if a run was reset again, or killed, before it had begun.
+        asked: list[tuple[str, bytes]] = []
+        for bus in buses[since:-1]:
+            asked += bus.queries
         wanted = set()
         for key, payload in asked:
             with suppress(ValueError):
                 if KEYS.parts(key) == ["reset_simulation"]:
                     seed = read(payload, ResetSimulation).seed
-                    wanted.add(before if seed is None else seed)
+                    if seed is None:
+                        seed = before
+                    wanted.add(seed)
         after = loop.run.engine.layout.scenario.seed
         if after not in wanted:
             self._wrong.append(
@@ -77,9 +91,12 @@ class Observer:
             )
 
     def is_kept(self, tick: int) -> None:
-        """Know that a snapshot is on the disk."""
-        if refused := self._refused_in.get(tick):
-            # One that another one replaces before it is written makes this no stricter.
+        """Note that a snapshot of a tick is on the disk."""
+        refused = self._refused_in.get(tick)
+        if refused:
+            # If several were made, it is not known which one is written: another one may have
+            # replaced it before. The oldest one has the fewest refusals, so it never complains in
+            # vain.
             self._refused_at[tick] = refused[0]
             del refused[:-1]
 
@@ -87,18 +104,21 @@ class Observer:
         """Complain if a run that goes on has forgotten what was refused before its snapshot."""
         run = loop.run
         keep = run.keep
-        before = {} if is_reset else self._refused_at.get(run.engine.tick, {})
+        before: dict[str, int] = {}
+        if not is_reset:
+            before = self._refused_at.get(run.engine.tick, {})
         now = run.refusal_totals.total()
         forgotten = [reason for reason, count in before.items() if now.get(reason, 0) < count]
         self._wrong += [f"what was refused is forgotten: {reason}" for reason in forgotten]
 
         self._refused_in = {}
 
-        def keep_and_know() -> None:
+        def keep_and_note() -> None:
+            """Note the refusals of a snapshot, and make it."""
             self._refused_in.setdefault(run.engine.tick, []).append(run.refusal_totals.total())
             keep()
 
-        run.keep = keep_and_know  # type: ignore[method-assign]
+        run.keep = keep_and_note  # type: ignore[method-assign]
 
     def _watch_releases(self, loop: RunLoop) -> None:
         """Complain if an agent is taken from a session twice, and none has joined with it since."""
@@ -107,21 +127,25 @@ class Observer:
         join = drivers.roster.join
         released = set[str]()
 
-        def release_and_know(names: set[str]) -> None:
+        def release_and_note(names: set[str]) -> None:
+            """Note that agents lose their sessions."""
             again = sorted(released.intersection(names))
             self._wrong += [f"{name} is taken from a session twice" for name in again]
             released.update(names)
             release(names)
 
-        def join_and_know(name: str, owner: str) -> None:
+        def join_and_note(name: str, owner: str) -> None:
+            """Note that an agent has a session again."""
             released.discard(name)
             join(name, owner)
 
-        drivers.release = release_and_know  # type: ignore[method-assign]
-        drivers.roster.join = join_and_know  # type: ignore[method-assign]
+        drivers.release = release_and_note  # type: ignore[method-assign]
+        drivers.roster.join = join_and_note  # type: ignore[method-assign]
 
     @property
     def complaints(self) -> list[str]:
         """What drivers asked for, and physics did not do; and what it may not do."""
-        of_drivers = [one for driving in self.driving for one in driving.complaints]
-        return of_drivers + self._wrong[:1]
+        complaints: list[str] = []
+        for driving in self.driving:
+            complaints += driving.complaints
+        return complaints + self._wrong[:1]

@@ -1,10 +1,15 @@
-"""The processes of a run as tasks, with the supervisor's own rules, and a disk that takes time."""
+"""The processes of a run as tasks, started and restarted by the rules of the real supervisor.
+
+Each process runs its real code (`BODIES`), with a session of the simulated network and a disk in
+virtual time. `World` has all that one schedule needs.
+"""
 
 import logging
 import os
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
+from errno import ENOSPC
 from math import inf
 from pathlib import Path
 from random import Random
@@ -45,9 +50,13 @@ from orchard.wire.keys import LOGGER, PHYSICS, Keys
 log = logging.getLogger("orchard")
 # Errors that a process logs, and ends with code 2.
 MISTAKES = (BusError, ValueError, ScenarioError, SnapshotError, OSError)
-# Exit code.
+# The exit code of a process that was killed by SIGKILL.
 KILLED = -9
-SNAPSHOT_SECONDS = 0.5  # between two snapshots: few schedules last for seconds
+# s between two snapshots. That is short, because few schedules last for many seconds.
+SNAPSHOT_SECONDS = 0.5
+LOOK_SECONDS = 0.01  # s between two looks whether a process has ended
+# ns: the time stamp of a file at the beginning of virtual time. It only has to be the same.
+FIRST_STAMP = 10**18
 
 
 class SimulatedLine:
@@ -58,9 +67,11 @@ class SimulatedLine:
         self.code: int | None = None
 
     def let_go(self) -> None:
+        """Ask the process to end."""
         self._process.inbox.put(Signal(SIGTERM))
 
     def close(self) -> None:
+        """Forget the line, and the exit code on it."""
         self.code = None
 
 
@@ -70,10 +81,14 @@ class SimulatedProcess:
     def __init__(
         self, world: "World", spec: ProcessSpec, order: Any, pid: int, start_seconds: float = 1.0
     ) -> None:
-        """`start_seconds`: that it takes at most to load its modules."""
+        """`order`: the options or arguments with which it is started.
+
+        `start_seconds`: that it takes at most to load its modules.
+        """
         self.world = world
         self.spec = spec
         self.pid = pid
+        # Its exit code; None: it runs.
         self.code: int | None = None
         self.order = order
         self._start_seconds = start_seconds
@@ -83,13 +98,18 @@ class SimulatedProcess:
         world.processes[self.task] = self
         self.inbox.read_by(self.task)
         self.disk = SimulatedDisk(world, self)
+        # The sessions that it has had.
         self.buses: list[SimulatedBus] = []
-        self.hosts: list[Host] = []  # those that it has run
-        self.printed: list[str] = []  # lines
-        self.complaints: list[str] = []  # lines of its log
+        # The hosts that it has run: a new one after each reset.
+        self.hosts: list[Host] = []
+        # Lines that it has printed, and lines of its log.
+        self.printed: list[str] = []
+        self.complaints: list[str] = []
+        # What ends each fault that stops it now.
         self._thaws: list[Callable[[], None]] = []
 
     def _run(self) -> None:
+        """Run as its task: load, do what the process is for, and end."""
         self.task.wait(self.world.random.random() * self._start_seconds)
         try:
             self.code = self.line.code = _code_of(self)
@@ -103,13 +123,17 @@ class SimulatedProcess:
         return BODIES[self.spec.module](self)
 
     def poll(self) -> int | None:
+        """Return its exit code; None while it runs."""
         return self.code
 
     def kill(self) -> None:
+        """Kill it, if it runs."""
         if self.code is None:
             self.code = KILLED
             while self._thaws:
-                self._thaws.pop()()  # the system closes the links of a frozen process, too
+                # The system closes the links of a frozen process, too.
+                thaw = self._thaws.pop()
+                thaw()
             for bus in self.buses:
                 self.world.network.end(bus, self._share())
             self.world.network.end_router(self.spec.name, self._share())
@@ -118,8 +142,9 @@ class SimulatedProcess:
             self.task.kill()
 
     def _share(self) -> float:
-        """How much of what it has sent still arrives: the system sends on what it has been
-        given.
+        """Return how much still arrives of what a process has sent that is killed.
+
+        The system sends on what it has been given: in half of all cases that is all.
         """
         return min(1.0, 2.0 * self.world.random.random())
 
@@ -137,13 +162,15 @@ class SimulatedProcess:
         self._stop(lambda: None)
 
     def _stop(self, thaw: Callable[[], None]) -> None:
+        """Stop its task. `thaw`: called when this fault ends."""
         self.task.freeze()
         self._thaws.append(thaw)
 
     def thaw(self) -> None:
-        """Let it go on."""
+        """End a fault that stops it. After the last one it goes on."""
         if self._thaws:
-            self._thaws.pop()()
+            thaw = self._thaws.pop()
+            thaw()
             if not self._thaws:
                 self.task.thaw()
 
@@ -157,7 +184,7 @@ class SimulatedProcess:
         while self.code is None:
             if scheduler.now >= deadline or scheduler.current is None:
                 raise TimeoutExpired(self.spec.name, timeout)
-            scheduler.current.wait(0.01)
+            scheduler.current.wait(LOOK_SECONDS)
         return self.code
 
     @contextmanager
@@ -195,13 +222,21 @@ def _code_of(process: SimulatedProcess) -> int:
 def _options_of(process: SimulatedProcess, kind: type[Options]) -> Options:
     """Return what run.py gives the process, or what its command line says."""
     order = process.order
-    return order if isinstance(order, kind) else read_options(kind, process.spec.module, order)
+    if isinstance(order, kind):
+        return order
+    return read_options(kind, process.spec.module, order)
 
 
 def _physics(process: SimulatedProcess) -> int:
+    """Run the code of physics."""
+
     def opened(options: RunOptions, inbox: Inbox) -> AbstractContextManager[Bus]:
-        process.world.resets += bool(process.buses)  # the run begins again in this process
-        return process.routed() if options.connect is None else process.connected()
+        """Open its session. If it has had one, the run begins again in this process."""
+        if process.buses:
+            process.world.resets += 1
+        if options.connect is None:
+            return process.routed()
+        return process.connected()
 
     process.world.found = list(process.world.kept)
     return physics.simulate(
@@ -210,6 +245,7 @@ def _physics(process: SimulatedProcess) -> int:
 
 
 def _agents(process: SimulatedProcess) -> int:
+    """Run the code of a process that hosts agents."""
     agents.host(
         process.inbox,
         _options_of(process, HostOptions),
@@ -219,6 +255,7 @@ def _agents(process: SimulatedProcess) -> int:
 
 
 def _router(process: SimulatedProcess) -> int:
+    """Be a router of its own, until a signal comes."""
     network = process.world.network
     network.start_router(process.spec.name)
     print(f"listening on {network.ENDPOINT}")
@@ -241,6 +278,7 @@ class _NoWriter:
 
 
 def _logger(process: SimulatedProcess) -> int:
+    """Run the code of the logger, up to the queue of what it would write."""
     with process.connected() as bus:
         keys = Keys()
         run, layout = fetch_layout(bus, keys, end_if_asked)
@@ -252,6 +290,7 @@ def _logger(process: SimulatedProcess) -> int:
         return logger.run(_NoWriter())[0]  # type: ignore[arg-type]
 
 
+# Module of a process -> what the simulated one does, and returns its exit code.
 BODIES: dict[str, Callable[[SimulatedProcess], int]] = {
     "orchard.processes.physics": _physics,
     "orchard.processes.agents": _agents,
@@ -272,9 +311,11 @@ class SimulatedSupervisor(Supervisor):
 
     def _open(self, program: ProcessSpec, order: Any) -> Any:
         self._pids += 1
-        is_again = program.name in self.running
-        self.restarted += [program.name] * is_again
-        self._world.network.trace(f"{program.name} is started{' again' if is_again else ''}")
+        words = f"{program.name} is started"
+        if program.name in self.running:
+            self.restarted.append(program.name)
+            words += " again"
+        self._world.network.trace(words)
         if isinstance(order, RunOptions):
             order = msgspec.structs.replace(order, snapshot_every=SNAPSHOT_SECONDS)
         process = SimulatedProcess(self._world, program, order, self._pids)
@@ -291,40 +332,36 @@ class World:
     scheduler: Scheduler
     network: Network
     random: Random
-    folder: Path  # for snapshots
-    disk_seconds: float = 0.1  # that a write takes at most
+    folder: Path  # for snapshots, and all else that is written
+    disk_seconds: float = 0.1  # s that a write takes at most
     is_disk_full: bool = False
-    half_writes: int = 0  # of which the disk has taken half
-    loop: RunLoop | None = None  # of physics
-    engine: Engine | None = None  # of that
-    physics: SimulatedProcess | None = None  # the process that has it
-    begun_at: int = 0  # the tick at which that has begun
+    half_writes: int = 0  # how many writes the disk has taken half of
+    loop: RunLoop | None = None  # of the physics that has begun last
+    engine: Engine | None = None  # the engine of that loop
+    physics: SimulatedProcess | None = None  # the process of that loop
+    begun_at: int = 0  # the tick at which that loop has begun
     resets: int = 0  # how often a run has begun again in its process
-    begun_after: int = 0  # the resets before that of `engine`
-    lines: list[str] = field(default_factory=list)  # what users are told
+    begun_after: int = 0  # how many resets there had been when that loop began
+    lines: list[str] = field(default_factory=list)  # that users read
     processes: dict[Task, SimulatedProcess] = field(default_factory=dict)
-    crashes: list[str] = field(default_factory=list)  # what no user should see
-    frames: list[FrameQueue] = field(default_factory=list)  # of each logger
+    crashes: list[str] = field(default_factory=list)  # errors that no user should see
+    frames: list[FrameQueue] = field(default_factory=list)  # one for each logger
     begins: int = 0  # how often physics has begun
     observer: Observer | None = None  # follows physics
     kept: list[int] = field(default_factory=list)  # ticks of the snapshots that were written
-    found: list[int] = field(default_factory=list)  # of these, what physics finds when it starts
-    torn: set[int] = field(default_factory=set)  # the ticks of those that are torn
-    wrong_begins: list[str] = field(default_factory=list)  # where physics may not have begun
+    found: list[int] = field(default_factory=list)  # `kept` when the last physics was started
+    torn: set[int] = field(default_factory=set)  # ticks of the snapshots that are torn
+    wrong_begins: list[str] = field(default_factory=list)  # complaints: see begin.py
 
     def process(self, name: str) -> SimulatedProcess | None:
-        """Return the process of this name that runs."""
-        return next(
-            (
-                process
-                for process in self.processes.values()
-                if process.spec.name == name and process.code is None
-            ),
-            None,
-        )
+        """Return the process of this name that runs; None if none does."""
+        for process in self.processes.values():
+            if process.spec.name == name and process.code is None:
+                return process
+        return None
 
     def begin(self, loop: RunLoop) -> None:
-        """Know the loop of physics, which is about to begin."""
+        """Note the loop of physics, which is about to begin."""
         engine = loop.run.engine
         self.loop = loop
         self.engine = engine
@@ -333,33 +370,35 @@ class World:
         is_reset = self.resets != self.begun_after and engine.tick == 0
         self.begun_at = engine.tick
         self.begun_after = self.resets
-        if not is_reset and (fault := wrong_begin(engine.tick, self.found, self.torn)):
+        fault = wrong_begin(engine.tick, self.found, self.torn)
+        if fault and not is_reset:
             self.wrong_begins.append(fault)
         if self.observer is not None and self.physics is not None:
-            sessions = [
-                bus
-                for process in self.processes.values()
-                if process.spec.name == PHYSICS
-                for bus in process.buses
-            ]
+            sessions: list[SimulatedBus] = []
+            for process in self.processes.values():
+                if process.spec.name == PHYSICS:
+                    sessions += process.buses
             self.observer.begin(loop, sessions, is_reset)
 
     def say(self, line: str) -> None:
         """Take a line for the user."""
-        line = line.replace(str(self.folder), "")  # which has another name each time
+        # The folder has another name each time, and the same plan must give the same lines.
+        line = line.replace(str(self.folder), "")
         self.lines.append(line)
         self.network.trace(f"  says: {line}")
 
     def log(self, line: str) -> None:
         """Take a line of the log of the process that runs."""
-        if (process := self._running) is not None:
+        process = self._running
+        if process is not None:
             process.complaints.append(line)
             line = f"{process.spec.name}: {line}"
         self.say(line)
 
     def write(self, words: str) -> None:
-        """Take what the process that runs prints: it is the standard output of all."""
-        if words.strip() and (process := self._running) is not None:
+        """Take what a process prints. `entered` puts the world in place of `sys.stdout`."""
+        process = self._running
+        if words.strip() and process is not None:
             process.printed += words.splitlines()
 
     def flush(self) -> None:
@@ -367,8 +406,11 @@ class World:
 
     @property
     def _running(self) -> SimulatedProcess | None:
+        """The process whose code runs now; None if it is the schedule's own or a client's."""
         task = self.scheduler.current
-        return None if task is None else self.processes.get(task)
+        if task is None:
+            return None
+        return self.processes.get(task)
 
     def crash(self, process: SimulatedProcess, error: Exception) -> None:
         """Take an error that no process may have."""
@@ -381,7 +423,7 @@ class World:
 
     @contextmanager
     def entered(self) -> Iterator[None]:
-        """Let the project's log, its printed lines and its writes come here."""
+        """In this context the project's log, printed lines and snapshots come here."""
         log = logging.getLogger("orchard")
         handler = _Handler(self)
         propagates = log.propagate
@@ -396,15 +438,17 @@ class World:
             log.propagate = propagates
 
     def _new_folder(self) -> AbstractContextManager[str]:
-        """A folder that stays, as after a kill."""
+        """Return a context with a new folder, which stays after it, as after a kill."""
         path = self.folder / f"run_py_{len(self.processes)}"
         path.mkdir()
         return nullcontext(str(path))
 
     def _store(self, name: str, content: bytes, folder: Path, run: str) -> Path:
+        """Write a snapshot, in place of `store` of orchard/sim/snapshot.py."""
         if self.is_disk_full:
             self.half_writes += 1
-            with takes_half(OSError(28, os.strerror(28))):
+            # It raises this error.
+            with takes_half(OSError(ENOSPC, os.strerror(ENOSPC))):
                 store(name, content, folder, run)
         path = store(name, content, folder, run)
         self._keep(path)
@@ -412,12 +456,12 @@ class World:
         return path
 
     def stamp(self, path: Path) -> None:
-        """Let a file be of this moment of virtual time."""
-        at = int(self.scheduler.now * 1e9) + 10**18
+        """Give a file the time stamp of this moment of virtual time."""
+        at = int(self.scheduler.now * 1e9) + FIRST_STAMP
         os.utime(path, ns=(at, at))
 
     def _keep(self, path: Path) -> None:
-        """Know that a snapshot is written."""
+        """Note a file that was written, if it is a snapshot: tick-000120.snapshot."""
         if path.suffix == SNAPSHOT:
             tick = int(path.stem.removeprefix("tick-"))
             self.torn.discard(tick)
@@ -427,6 +471,8 @@ class World:
 
 
 class _Handler(logging.Handler):
+    """Gives the lines of the log to the world."""
+
     def __init__(self, world: World) -> None:
         super().__init__(logging.WARNING)
         self._world = world
@@ -436,7 +482,7 @@ class _Handler(logging.Handler):
 
 
 def spec_of_bare_client(mode: str) -> ProcessSpec:
-    """A client of its own, which owns one agent."""
+    """Return the process of the bare client, which owns one agent: bare_client.py."""
     return ProcessSpec(
         BARE_CLIENT, "chaos.simulated.bare_client", [], again=True, agents=[NAMES[mode]]
     )

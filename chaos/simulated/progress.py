@@ -1,4 +1,8 @@
-"""How far physics has come: a snapshot is written often, and none is of the time before a reset."""
+"""Whether physics, started again, goes on near the tick that it had come to.
+
+A snapshot is written often, so it must not go back far. After a reset it must not go back to before
+the reset.
+"""
 
 from chaos.simulated.plan import Plan
 from chaos.simulated.processes import SimulatedProcess, World
@@ -9,22 +13,24 @@ LOOKS = 8
 
 
 class Progress:
-    """Follows the engines of a schedule, each from the begin of physics or of a reset to
-    its end.
-    """
+    """Follows the engines of a schedule: a new one begins with each physics and each reset."""
 
     def __init__(self, plan: Plan) -> None:
         self.complaints: list[str] = []
-        self.process: SimulatedProcess | None = None  # that has the engine
+        # The process that has the engine.
+        self.process: SimulatedProcess | None = None
+        # Whether all snapshots can be read that were written.
         self._is_disk_whole = not plan.has("full disk", "torn snapshot", "foreign snapshot")
+        # Whether all snapshots can be written.
         self._has_disk = not plan.has("full disk")
         self._engine: Engine | None = None
         self._seed = -1
         self._resets = 0
-        self._ticks: list[int] = []  # at the last LOOKS looks at which it had gone on
+        # The ticks of the engine at the last LOOKS looks at which it had gone on.
+        self._ticks: list[int] = []
 
     def forget(self) -> None:
-        """Know that a user has forked the run: the next physics has another scenario."""
+        """Note that a user has forked the run: the next physics has another scenario."""
         self.process = None
 
     def look(self, world: World) -> None:
@@ -40,7 +46,9 @@ class Progress:
         self.process = world.physics
         tick = world.begun_at
         seed = engine.layout.scenario.seed
-        if self.process is not before and before is not None and world.begun_after == self._resets:
+        # Another process goes on with the run, and no reset came in between.
+        is_restart = self.process is not before and before is not None
+        if is_restart and world.begun_after == self._resets:
             is_long_ago = len(self._ticks) == LOOKS and tick < self._ticks[0]
             if self._is_disk_whole and is_long_ago:
                 self.complaints.append(f"physics went back from tick {self._ticks[-1]} to {tick}")

@@ -1,5 +1,6 @@
-"""What local mode does where a run of many processes is: its hash, its figures, and what happens in
-each step.
+"""What local mode does in place of a run of many processes: its hash, its figures, and its steps.
+
+The course of a run (course.py) is compared with it.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -15,7 +16,8 @@ from orchard.futures.moments import WatchedRun
 from orchard.local import Local
 from orchard.sim.snapshot import Snapshot
 
-Commands = Mapping[int, Sequence[Event]]  # tick -> the robots that are stopped or reset at it
+# Tick -> the events of robots that are stopped or reset at it.
+Commands = Mapping[int, Sequence[Event]]
 
 
 class Reference(Protocol):
@@ -38,7 +40,10 @@ class Reference(Protocol):
 
 
 def _at(found: Sequence[bytes], tick: int) -> bytes:
-    return found[tick] if 0 <= tick < len(found) else b""
+    """Return the bytes of a tick; empty if there is no such tick."""
+    if 0 <= tick < len(found):
+        return found[tick]
+    return b""
 
 
 class HarvestReference:
@@ -57,6 +62,7 @@ class HarvestReference:
         return _at(self._harvest.steps, tick)
 
     def commanded(self, commands: Commands, figures: Collection[int]) -> Reference:
+        # Up to the first command the harvest is the same, and need not be done again.
         first = self._harvest.last_keyframe(min(commands))
         return Replay(self._harvest.snapshot(first), commands, self, figures)
 
@@ -75,10 +81,14 @@ class Replay:
         self._begin = begin
         self._commands = commands or {}
         self._before = before
+        # The ticks at which figures are wanted.
         self._wanted = figures
         self._first = begin.tick
+        # The hash at each tick, from the first one on.
         self._hashes: list[bytes] = []
+        # Tick -> the digest of its figures.
         self._figures: dict[int, bytes] = {}
+        # The digest of the step from each tick, from the first one on.
         self._steps: list[bytes] = []
 
     @cached_property
@@ -111,25 +121,33 @@ class Replay:
         return Replay(self._begin, commands, figures=figures)
 
     def _go_to(self, tick: int) -> None:
+        """Do all steps up to a tick that are not done yet, or up to the end of the run."""
         if not self._hashes:
             self._record()
+        # A run that goes on says that it would end by its duration.
         while self._run.tick < tick and self._run.ended == "duration":
             self._step()
             self._record()
 
     def _step(self) -> None:
+        """Do the next step, after the emergency stops of its tick in their order."""
         run = self._run
+        engine = run.local.engine
         tick = self._run.tick
+        # Events of the same kind that follow each other are one command.
         for what, commands in groupby(self._commands.get(tick, ()), lambda event: event.what):
             # A coupled bin is stopped with its robot, and no stop names it.
             robots = [event.who for event in commands if kind_of(event.who) in ROBOTS]
-            engine = run.local.engine
-            (engine.stop if what == "stopped" else engine.reset)(robots)
+            if what == "stopped":
+                engine.stop(robots)
+            else:
+                engine.reset(robots)
         events = run.local.tick()
         run.figures.update(events)
         self._steps.append(digest_of_step(events, run.local.post.written.get(tick, {})))
 
     def _record(self) -> None:
+        """Store the hash and, if they are wanted, the figures of the present tick."""
         tick = self._run.tick
         self._hashes.append(self._run.local.engine.digest)
         if self._wanted is None or tick in self._wanted:

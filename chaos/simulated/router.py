@@ -1,6 +1,4 @@
-"""The router of the simulated network: it passes on what the sessions that are linked to it send
-and declare.
-"""
+"""The router of the simulated network, which each session is linked to (link.py)."""
 
 from functools import lru_cache, partial
 
@@ -26,8 +24,11 @@ class Router:
         self.scheduler = scheduler
         self.owner = owner
         self._late = late
-        self.links: dict[str, Link] = {}  # session id ->
-        self._subscribers: dict[str, list[str]] = {}  # session id -> keys
+        # Session id -> its link.
+        self.links: dict[str, Link] = {}
+        # Session id -> the keys to which it subscribes, of which it answers queries, of which it
+        # watches tokens, and of its own tokens.
+        self._subscribers: dict[str, list[str]] = {}
         self._queryables: dict[str, list[str]] = {}
         self._watchers: dict[str, list[str]] = {}
         self._tokens: dict[str, list[str]] = {}
@@ -94,15 +95,13 @@ class Router:
             self._tell_subscribers()
 
     def watch(self, link: Link, tokens: str) -> None:
-        if self._is_linked(link):
-            self._watchers[link.session.id].append(tokens)
-            for token in [
-                token
-                for present in self._tokens.values()
-                for token in present
-                if meets(tokens, token)
-            ]:
-                link.send(DOWN, partial(link.session.hear_token, token, True), CONTROL)
+        if not self._is_linked(link):
+            return
+        self._watchers[link.session.id].append(tokens)
+        for present in self._tokens.values():
+            for token in present:
+                if meets(tokens, token):
+                    link.send(DOWN, partial(link.session.hear_token, token, True), CONTROL)
 
     def knows(self, token: str) -> bool:
         """Whether a liveliness token is there."""
@@ -123,8 +122,9 @@ class Router:
         return self.links.get(link.session.id) is link
 
     def _tell_unless_known(self, token: str, up: bool) -> None:
-        """Pass on the first token with a key, and the end of the last one: sessions whose tokens
-        have the same key are one for others.
+        """Pass on a token that appears or goes, unless another one with the same key is there.
+
+        Others cannot tell such tokens apart.
         """
         if self.knows(token):
             return
@@ -134,24 +134,27 @@ class Router:
             self._tell_token_now(token, up)
 
     def _tell_token_now(self, token: str, up: bool) -> None:
+        """Pass on a token to all that watch it."""
         for session, keys in list(self._watchers.items()):
             if any(meets(watched, token) for watched in keys):
                 link = self.links[session]
                 link.send(DOWN, partial(link.session.hear_token, token, up), CONTROL)
 
     def _tell_subscribers(self) -> None:
+        """Tell each session that wants to know it to which keys the others subscribe."""
         self._receivers = {}
         for session in sorted(self._interested & self.links.keys()):
             link = self.links[session]
-            known = [keys for other, keys in self._subscribers.items() if other != session]
-            all_keys = [one for keys in known for one in keys]
-            link.send(DOWN, partial(link.session.hear_subscribers, all_keys), CONTROL)
+            keys = self.subscribers_beside(session)
+            link.send(DOWN, partial(link.session.hear_subscribers, keys), CONTROL)
 
     def subscribers_beside(self, session: str) -> list[str]:
         """Return the keys to which other sessions subscribe."""
-        return [
-            one for other, keys in self._subscribers.items() if other != session for one in keys
-        ]
+        found: list[str] = []
+        for other, keys in self._subscribers.items():
+            if other != session:
+                found += keys
+        return found
 
     # -- data
 
@@ -187,13 +190,15 @@ class Router:
 
     def reply(self, number: int, key: str, payload: bytes, error: str) -> None:
         """Pass on a reply to the query of a key."""
-        if (
-            number in self._pending
-            and (link := self.links.get(self._pending[number][0])) is not None
-        ):
-            carried = link.carried(key, payload, is_reply=True)
-            arrives = partial(link.session.hear_reply, number, carried, error)
-            link.send(DOWN, arrives, size=len(payload))
+        if number not in self._pending:
+            return
+        asker, _ = self._pending[number]
+        link = self.links.get(asker)
+        if link is None:
+            return
+        carried = link.carried(key, payload, is_reply=True)
+        arrives = partial(link.session.hear_reply, number, carried, error)
+        link.send(DOWN, arrives, size=len(payload))
 
     def finish(self, number: int, session: str) -> None:
         """Record that a session has sent all its replies to a query."""
@@ -204,8 +209,9 @@ class Router:
             repliers.remove(session)
         if not repliers:
             del self._pending[number]
-            if (link := self.links.get(asker)) is not None:
-                link.send(DOWN, lambda: link.session.hear_final(number))
+            link = self.links.get(asker)
+            if link is not None:
+                link.send(DOWN, partial(link.session.hear_final, number))
 
     def forget_query(self, number: int) -> None:
         """Drop a query whose time is over."""

@@ -1,9 +1,11 @@
-"""The scenes of schedules: small orchards, in which something happens often, each with another part
-of the program at work.
+"""The scenes of schedules: small orchards in which something happens often.
+
+In each of them another part of the program is at work. A scene is the values of a scenario.
 """
 
 from typing import Any
 
+# Nothing but robots and bins.
 ALONE: dict[str, Any] = {
     "people": {"workers": 0, "visitors": 0},
     "animals": {"dogs": 0, "cats": 0},
@@ -18,6 +20,7 @@ SMALL: dict[str, Any] = {
     "agents_without_body": {"idler": "chaos.simulated.talkers.Idler"},
     **ALONE,
 }
+# Agents with messages of types of their own: talkers.py.
 TALKERS = {
     "asker": "chaos.simulated.talkers.Asker",
     "station": "chaos.simulated.talkers.Station",

@@ -1,8 +1,13 @@
-"""One schedule: a run, and its faults by a seed. `chaos.simulated.trial` judges it."""
+"""One schedule: it carries out a plan, which is a run with its faults.
+
+It does what people do, too: it starts run.py, continues a run whose run.py was killed, and looks
+whether what must hold at each moment holds. trial.py lets verdict.py judge it at the end.
+"""
 
 from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from random import Random
@@ -10,6 +15,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from chaos.simulated.bare_client import NAMES
 from chaos.simulated.clients import RUN, Client, let_act
+from chaos.simulated.damage import put_foreign, tear_newest, whole_snapshots
 from chaos.simulated.harvest import harvest_of
 from chaos.simulated.launcher import Launcher
 from chaos.simulated.link import DOWN, UP
@@ -37,23 +43,33 @@ from orchard.launch.request import Credentials, RunRequest, agent_names
 from orchard.net.endpoints import BusError
 from orchard.server.snapshots import last
 from orchard.sim.engine import Engine
-from orchard.sim.snapshot import SNAPSHOT, Snapshot, as_file, store
+from orchard.sim.snapshot import Snapshot, as_file, store
 from orchard.wire.keys import PHYSICS
 
 V = TypeVar("V")  # a verdict
-NO_EXECUTOR = Executor()  # of clients, which write nothing
-USER_SECONDS = 2.0  # that a user takes to continue a run
-LOOK_SECONDS = 0.2  # between two looks at what runs
-TABLE_LOOKS = 5  # looks of which one is at the tables of physics and hosts, which grow slowly
-SPEED = 5.0  # of a realtime run: simulated seconds a second
+# Clients write nothing, so they need no executor.
+NO_EXECUTOR = Executor()
+# s, virtual, as all times here: that a user takes to continue a run.
+USER_SECONDS = 2.0
+LOOK_SECONDS = 0.2  # s between two looks at what runs
+# Of so many looks one is at the tables of physics and hosts, which grow slowly.
+TABLE_LOOKS = 5
+# Of a run in realtime: simulated seconds a second.
+SPEED = 5.0
+# s after which the robots of a silent host stand, in realtime: it is above commands.WATCHDOG.
+STAND_SECONDS = 0.8
+# Ticks that physics must have gone on by then. It does 40 in this time, if nothing holds it up.
 STAND_TICKS = 20
+# s within which a tick follows, in realtime: twice the time of a tick.
+TICK_SECONDS = 2 * TIME_STEP / SPEED
+# Kind of silence -> the directions of a link that it silences.
 SILENT_WAYS = {"silence": (UP, DOWN), "silence up": (UP,), "silence down": (DOWN,)}
-STAND_SECONDS = 0.8  # after which the robots of a silent host stand, in realtime
-TICK_SECONDS = 2 * TIME_STEP / SPEED  # within which a tick follows, in realtime
-MAY_DRIVE = "lie", "claim", "repeat", "nonsense", "advise"  # clients that may drive a robot
-LIMIT = 300.0  # s of virtual time within which each schedule ends
-QUIT_SECONDS = 2.0  # between two requests to end a run that was reset and has lasted long enough
-# what a user changes who forks a run: dotted path -> value
+# Clients that may drive a robot.
+MAY_DRIVE = ("lie", "claim", "repeat", "nonsense", "advise")
+LIMIT = 300.0  # s within which each schedule ends
+# s between two requests to end a run that was reset and has lasted long enough.
+QUIT_SECONDS = 2.0
+# What a user who forks a run changes: dotted path -> value.
 CHANGES: tuple[dict[str, Any], ...] = (
     {"seed": 11},
     {"dispatch": "longest-waiting"},
@@ -66,8 +82,8 @@ class Inflicted(NamedTuple):
 
     at: float  # s
     fault: Fault
-    part: int  # of the run, see `Course`
-    tick: int
+    part: int  # the index of the part of the run, in `Course.parts`
+    tick: int  # that physics had come to
 
 
 class Schedule:
@@ -83,21 +99,28 @@ class Schedule:
         self.world.observer = self.observer
         network.late = plan.late
         network.tears = plan.tears
-        self.elsewhere = SimulatedSupervisor(self.world)  # of another machine
+        # It starts what runs on another machine.
+        self.elsewhere = SimulatedSupervisor(self.world)
         self.inflicted: list[Inflicted] = []
         self.snapshots = folder / "snapshots"
         self.tables = folder / "tables"
         self.clients: list[Client] = []
-        self.torn: set[int] = set()  # the ticks of all snapshots that were torn
-        self.is_quit = False  # whether it was asked to end, because it was reset
+        # The ticks of all snapshots that were torn.
+        self.torn: set[int] = set()
+        # Whether the run was asked to end, because it was reset and would last too long.
+        self.is_quit = False
         self._scenario: dict[str, Any] = plan.scenario
         self.progress = Progress(plan)
         self.complaints: list[str] = []
         self._clients: list[Task] = []
-        self._quit_at = 0.0  # s: when it may be asked to end again
-        self._lost: set[str] = set()  # what was wrong at the last look, after a session was lost
-        self._lost_at = -1  # the tick of that look
+        # s: when the run may be asked to end again.
+        self._quit_at = 0.0
+        # What was wrong with lost sessions at the last look, and the tick of that look.
+        self._lost: set[str] = set()
+        self._lost_at = -1
+        # How many looks there were.
         self._looks = 0
+        # The faults that are still to come, in the order of their ticks.
         self._faults_left = sorted(plan.faults, key=lambda fault: fault.tick)
 
     def run(self, judge: Callable[["Schedule"], V]) -> V:
@@ -105,7 +128,10 @@ class Schedule:
         with self.world.entered():
             if self.plan.has_router:
                 self.world.network.start_router(ROUTER)
-            self._start(self._keyframe() if self.plan.begin else None)
+            begin = None
+            if self.plan.begin:
+                begin = self._keyframe()
+            self._start(begin)
             self._look()
             self._plan_faults()
             while not self._is_over() and self.world.scheduler.step(LIMIT):
@@ -121,36 +147,51 @@ class Schedule:
     # -- what people do
 
     def _start(self, resumed: Snapshot | None = None) -> None:
-        """Start run.py, and what runs on another machine."""
+        """Start run.py, and what runs on another machine. `resumed`: as in `RunRequest`."""
         plan = self.plan
-        folder = self.world.folder
         scenario = Scenario(**self._scenario)
-        names = agent_names(scenario)
-        left = [NAMES[plan.mode]] * plan.has_bare_client
-        options = HarvestOptions(
-            mode=plan.mode,  # type: ignore[arg-type]
-            speed=SPEED if plan.mode == "realtime" else None,
-            hosts=plan.hosts,
-            patience=plan.patience,
-            duration=plan.end * TIME_STEP,
-            progress="json",
-            connect=Network.ENDPOINT if plan.has_router else None,
-            without=names if plan.is_elsewhere else left or None,
-            table=self.tables if plan.has_tables else None,
-        )
-        recording = folder / "run.rrd" if plan.has_logger else None
-        self.run_py = Launcher(
-            self.world,
-            RunRequest(options, scenario, recording, self.snapshots, resumed),
-        )
+        options = self._options(agent_names(scenario))
+        recording = None
+        if plan.has_logger:
+            recording = self.world.folder / "run.rrd"
+        request = RunRequest(options, scenario, recording, self.snapshots, resumed)
+        self.run_py = Launcher(self.world, request)
         if plan.has_bare_client:
             self.elsewhere.start(spec_of_bare_client(plan.mode))
         if plan.is_elsewhere:
             credentials = Credentials(options)
-            names = [name for name in names if name not in left]
-            start_hosts(
-                self.elsewhere, Network.ENDPOINT, credentials.shares(names, names), credentials
-            )
+            of_bare_client = self._names_of_bare_client
+            names = [name for name in agent_names(scenario) if name not in of_bare_client]
+            shares = credentials.shares(names, names)
+            start_hosts(self.elsewhere, Network.ENDPOINT, shares, credentials)
+
+    @property
+    def _names_of_bare_client(self) -> list[str]:
+        """The agents of the bare client, if there is one: no host runs them."""
+        if self.plan.has_bare_client:
+            return [NAMES[self.plan.mode]]
+        return []
+
+    def _options(self, names: list[str]) -> HarvestOptions:
+        """Return the options of run.py. `names`: all agents."""
+        plan = self.plan
+        options = HarvestOptions(
+            mode=plan.mode,  # type: ignore[arg-type]
+            hosts=plan.hosts,
+            patience=plan.patience,
+            duration=plan.end * TIME_STEP,
+            progress="json",
+            without=self._names_of_bare_client or None,
+        )
+        if plan.is_elsewhere:
+            options = replace(options, without=names)
+        if plan.mode == "realtime":
+            options = replace(options, speed=SPEED)
+        if plan.has_router:
+            options = replace(options, connect=Network.ENDPOINT)
+        if plan.has_tables:
+            options = replace(options, table=self.tables)
+        return options
 
     def _keyframe(self) -> Snapshot:
         """Return the keyframe with which it begins, and keep it where physics looks for it."""
@@ -179,29 +220,29 @@ class Schedule:
         self.world.scheduler.after(LOOK_SECONDS, self._look)
 
     def _look_at_tables(self) -> None:
-        """No table of physics or of a host that runs has grown."""
-        if self.world.engine is not None and not self.complaints:
-            hosts = [
-                process.hosts[-1]
-                for process in self.world.processes.values()
-                if process.code is None and process.hosts
-            ]
-            agents = len(self.world.engine.layout.agents)
-            self.complaints += [
-                line
-                for owner in (self.world.loop, *hosts)
-                for line in grown(owner, agents, self.plan.mode)
-            ]
+        """Complain about a table of physics, or of a host that runs, that has grown."""
+        if self.world.engine is None or self.complaints:
+            return
+        agents = len(self.world.engine.layout.agents)
+        owners: list[Any] = [self.world.loop]
+        for process in self.world.processes.values():
+            if process.code is None and process.hosts:
+                owners.append(process.hosts[-1])
+        for owner in owners:
+            self.complaints += grown(owner, agents, self.plan.mode)
 
     def _look_at_lost(self) -> None:
-        """No session is lost by half, and no robot drives without one, for two looks of different
-        ticks.
+        """Complain about what is wrong with lost sessions at two looks, and between them.
+
+        The ticks of the looks are two or more apart: within a tick a session may be half lost.
         """
         loop = self.world.loop
         plan = self.plan
         if loop is None or plan.mode != "lockstep" or plan.has(*MAY_DRIVE) or self.complaints:
             return
-        found = set(faults_of_lost(loop)) if loop.run.has_begun else set()
+        found: set[str] = set()
+        if loop.run.has_begun:
+            found = set(faults_of_lost(loop))
         tick = loop.run.engine.tick
         if tick > self._lost_at + 1:
             self.complaints += sorted(found & self._lost)
@@ -211,8 +252,9 @@ class Schedule:
             self._lost &= found
 
     def _end_after_a_reset(self) -> None:
-        """Let the run end that was reset, and has lasted as long as it would have without: its
-        duration is that of a harvest.
+        """End a run that was reset, when it has lasted as long as the plan says.
+
+        Its duration counts from the first tick of the harvest, so it would last much longer.
         """
         now = self.world.scheduler.now
         is_late = self._is_reset and self._tick >= self.plan.ticks
@@ -234,15 +276,14 @@ class Schedule:
         return self.run_py.over_at
 
     def _is_over(self) -> bool:
-        """Whether run.py has ended, and also what runs elsewhere, or that had the time for it."""
+        """Whether run.py has ended, and what runs elsewhere too, or had the time for it."""
         if self.run_py.code in (None, KILLED) or self.over_at is None:
             return False
-        return (
-            not self.elsewhere.is_any_left()
-            or self.world.scheduler.now > self.over_at + leave_limit(self.plan)
-        )
+        is_time_over = self.world.scheduler.now > self.over_at + leave_limit(self.plan)
+        return is_time_over or not self.elsewhere.is_any_left()
 
     def _kill_run_py(self, fault: Fault) -> None:
+        """Kill run.py. The fault is noted when its run can go on."""
         if self.run_py.code is None:
             self.run_py.kill()
             self._go_on(fault)
@@ -253,10 +294,13 @@ class Schedule:
             self.world.scheduler.after(LOOK_SECONDS, partial(self._go_on, fault))
         else:
             self._note(fault)
-            go_on = self._fork if fault.what == "fork" else self._resume
+            go_on = self._resume
+            if fault.what == "fork":
+                go_on = self._fork
             self.world.scheduler.after(USER_SECONDS, go_on)
 
     def _resume(self) -> None:
+        """Let the run go on from its newest snapshot."""
         self._start(last(self.snapshots, RUN))
 
     def _fork(self) -> None:
@@ -267,8 +311,10 @@ class Schedule:
             return
         random = self.world.random
         try:
+            # A robot stands from then on, or none does.
             fork = forked(newest, random.choice(CHANGES), random.choice((["picker_01"], [])))
-        except ScenarioError:  # another policy may come too late
+        except ScenarioError:
+            # It may be too late for another policy; it never is for another seed.
             fork = forked(newest, CHANGES[0])
         self.snapshots = self.world.folder / f"snapshots of a fork at {self.world.scheduler.now}"
         self.tables = self.world.folder / f"tables of a fork at {self.world.scheduler.now}"
@@ -282,16 +328,21 @@ class Schedule:
 
     @property
     def _tick(self) -> int:
-        """The tick that physics has come to, from the begin of the schedule, or from a reset; -1
-        before the first one.
+        """The tick that physics has come to, from the beginning of the schedule, or from a reset.
+
+        -1: it has not begun.
         """
         if self.world.engine is None:
             return -1
-        return self.world.engine.tick - (0 if self._is_reset else self.plan.begin)
+        if self._is_reset:
+            return self.world.engine.tick
+        return self.world.engine.tick - self.plan.begin
 
     def _note(self, fault: Fault) -> None:
-        """Know that a fault has happened."""
-        tick = self.plan.begin if self.world.engine is None else self.world.engine.tick
+        """Note that a fault has happened."""
+        tick = self.plan.begin
+        if self.world.engine is not None:
+            tick = self.world.engine.tick
         part = len(self.observer.course.parts) - 1
         self.inflicted.append(Inflicted(self.world.scheduler.now, fault, part, tick))
 
@@ -302,14 +353,16 @@ class Schedule:
             self.world.scheduler.after(fault.delay, partial(self._prepare, fault))
 
     def _prepare(self, fault: Fault) -> None:
+        """Let a fault happen now, or when its process has sent so many messages."""
         if fault.message:
-            self.world.network.after_messages(
-                fault.who, fault.message, partial(self._inflict, fault), fault.who != PHYSICS
-            )
+            act = partial(self._inflict, fault)
+            is_host = fault.who != PHYSICS
+            self.world.network.after_messages(fault.who, fault.message, act, only_queries=is_host)
         else:
             self._inflict(fault)
 
     def _inflict(self, fault: Fault) -> None:
+        """Let a fault happen."""
         self._note(fault)
         self.world.network.trace(f"fault: {fault}")
         if fault.who == RUN_PY:
@@ -318,10 +371,13 @@ class Schedule:
             self._connect_client(fault)
         elif fault.who == ROUTER:
             self._kill_router(fault)
-        elif (process := self.world.process(fault.who)) is not None:
-            self._hurt(fault, process)
+        else:
+            process = self.world.process(fault.who)
+            if process is not None:
+                self._hurt(fault, process)
 
     def _kill_router(self, fault: Fault) -> None:
+        """Kill the router of its own, and start it again after a second or more."""
         network = self.world.network
         if network.has_router:
             network.end_router(ROUTER, self.world.random.random())
@@ -330,11 +386,13 @@ class Schedule:
             )
 
     def _hurt(self, fault: Fault, process: SimulatedProcess) -> None:
+        """Let a fault happen to a process of the run."""
         network = self.world.network
         match fault.what:
             case "kill":
                 process.kill()
-            case "vanish":  # with its machine: the router does not hear that it is gone
+            case "vanish":
+                # Its machine has lost its power: the router does not hear that it is gone.
                 network.silence(fault.who, fault.seconds)
                 process.kill()
             case "freeze":
@@ -354,21 +412,24 @@ class Schedule:
                 self._tear()
                 process.kill()
             case "foreign snapshot":
-                self._put_foreign()
+                put_foreign(self.world, self.snapshots, self.plan.scene)
                 process.kill()
 
     def _thaw_later(self, fault: Fault, process: SimulatedProcess) -> None:
         """Let a process go on after a fault, and look whether its robots stand meanwhile."""
         self.world.scheduler.after(fault.seconds, process.thaw)
         stands_after = STAND_SECONDS + self.plan.delays.slow
-        # After a short fault the next one may stop the process, which has a look of its own.
+        # A shorter fault is over before the looks.
         is_long = fault.seconds > stands_after + TICK_SECONDS
         # A client that lies in the name of a host drives the host's robots.
         if is_long and self.plan.mode == "realtime" and not self.plan.has("lie"):
-            tick = 0 if self.world.engine is None else self.world.engine.tick
+            tick = 0
+            if self.world.engine is not None:
+                tick = self.world.engine.tick
             self.world.scheduler.after(stands_after, partial(self._look_at_robots, process, tick))
 
     def _connect_client(self, fault: Fault) -> None:
+        """Start a client, which does what the fault says."""
         name = f"client_{len(self._clients) + 1}"
         inbox = VirtualInbox(self.world.scheduler)
 
@@ -386,66 +447,52 @@ class Schedule:
         self._clients.append(task)
 
     def _empty_disk(self) -> None:
+        """End the fault "full disk"."""
         self.world.is_disk_full = False
 
     def _look_at_robots(self, process: SimulatedProcess, tick: int) -> None:
-        """In realtime, the robots of a host that has not answered since a tick stand in the next
-        tick.
+        """Look at the robots of a silent host a tick later, if the run has gone on.
+
+        `tick`: that of the beginning of its silence. In realtime its robots must stand by then.
         """
-        if (engine := self.world.engine) is not None and engine.tick > tick + STAND_TICKS:
-            self.world.scheduler.after(
-                TICK_SECONDS, partial(self._look_again, process, engine, engine.tick)
-            )
+        engine = self.world.engine
+        if engine is not None and engine.tick > tick + STAND_TICKS:
+            look_again = partial(self._look_again, process, engine, engine.tick)
+            self.world.scheduler.after(TICK_SECONDS, look_again)
 
     def _look_again(self, process: SimulatedProcess, engine: Engine, tick: int) -> None:
-        """Where no tick has followed, the run does not go on: physics is killed or frozen, or has
-        ended.
+        """Complain about a robot of a silent host that drives.
+
+        If no tick has followed, the run does not go on: physics was killed or frozen, or has ended.
         """
-        if process.is_stopped and engine.tick > tick:
-            moving = [
-                name
-                for name in process.spec.agents
-                if name in engine.actions and engine.actions[name].twist != STILL
-            ]
-            self.complaints += [
-                f"{name} drives on, though its host is silent" for name in moving[:1]
-            ]
+        if not process.is_stopped or engine.tick <= tick:
+            return
+        for name in process.spec.agents:
+            if name in engine.actions and engine.actions[name].twist != STILL:
+                self.complaints.append(f"{name} drives on, though its host is silent")
+                return
 
     def _tear(self) -> None:
         """Tear the newest snapshot.
 
-        If no other one is whole the run begins anew, as it was first: only where it has done so.
+        If no other one is whole, physics begins the run anew, from its first tick. So the last
+        whole one is torn only if the run has begun there, and not from a keyframe or a reset.
         """
-        files = sorted(self.snapshots.glob(f"tick-*{SNAPSHOT}"))
-        # The snapshot of a first tick, also that of a reset, outdates all others.
-        kept = self.world.kept
-        since = len(kept) - 1 - kept[::-1].index(0) if 0 in kept else 0
-        whole = {tick for tick in kept[since:] if tick not in self.world.torn}
         has_begun_there = not self.plan.begin and not self.world.resets
-        if files and (len(whole) > 1 or has_begun_there):
-            content = files[-1].read_bytes()
-            files[-1].write_bytes(content[: self.world.random.randrange(len(content))])
-            self.world.stamp(files[-1])
-            tick = int(files[-1].stem.removeprefix("tick-"))
-            self.world.torn.add(tick)
-            self.torn.add(tick)
-
-    def _put_foreign(self) -> None:
-        """Put a later snapshot of another run into the folder, as a user may who copies files."""
-        harvest = harvest_of(self.plan.scene)
-        foreign = harvest.snapshot(max(harvest.keyframes))
-        foreign.run = "another"
-        name, content = as_file(foreign)
-        self.snapshots.mkdir(exist_ok=True)
-        (self.snapshots / name).write_bytes(content)
-        self.world.stamp(self.snapshots / name)
+        if has_begun_there or len(whole_snapshots(self.world)) > 1:
+            self.torn |= tear_newest(self.world, self.snapshots)
 
     # -- what may be expected
 
     def has_just_suffered(self, seconds: float) -> bool:
-        """Whether a fault has lasted into so many seconds before the end of the run."""
-        over_at = self.world.scheduler.now if self.over_at is None else self.over_at
-        return any(
-            one.at + seconds + (one.fault.seconds if one.fault.who != CLIENT else 0.0) >= over_at
-            for one in self.inflicted
-        )
+        """Whether a fault has happened, or ended, in so many seconds before the end of the run."""
+        over_at = self.over_at
+        if over_at is None:
+            over_at = self.world.scheduler.now
+        for inflicted in self.inflicted:
+            ended_at = inflicted.at
+            if inflicted.fault.who != CLIENT:
+                ended_at += inflicted.fault.seconds
+            if ended_at + seconds >= over_at:
+                return True
+        return False

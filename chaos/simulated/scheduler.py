@@ -14,33 +14,40 @@ from greenlet import GreenletExit, getcurrent, greenlet
 
 from orchard.net.bus import Inbox, Item
 
-LOOK_SECONDS = 2e-5  # that a look at an empty inbox takes: no process does anything in no time
+# s that a look at an empty inbox takes. If it took no time, a process that looks again and again
+# would keep the clock from going on.
+LOOK_SECONDS = 2e-5
 
 
 class Scheduler:
-    """The clock and the events of one schedule. `now`: s."""
+    """The clock and the events of one schedule."""
 
     def __init__(self) -> None:
+        # s, virtual.
         self.now = 0.0
+        # A heap of (time, number, what happens).
         self._events: list[tuple[float, int, Callable[[], object]]] = []
-        self._numbers = (
-            itertools.count()
-        )  # events of one time happen in the order in which they were planned
+        # Numbers of events: those of one time happen in the order in which they were planned.
+        self._numbers = itertools.count()
+        # The greenlet that takes one event after the other. Tasks go on in it when they wait.
         self._hub = getcurrent()
-        self.current: Task | None = None  # the task that runs
+        # The task that runs; None: none does.
+        self.current: Task | None = None
 
     def after(self, seconds: float, act: Callable[[], object]) -> None:
         """Let `act` happen in so many seconds."""
         heapq.heappush(self._events, (self.in_future(seconds), next(self._numbers), act))
 
     def in_future(self, seconds: float) -> float:
-        """Return the time in so many seconds: later than now, however few they are, for a clock
-        that is read twice has moved.
+        """Return the time in so many seconds.
+
+        It is later than now, even if the seconds are too few to change the sum: else a task that
+        waits for so long would wait for ever.
         """
         at = self.now + seconds
-        if at > self.now:
-            return at
-        return nextafter(self.now, inf) if seconds > 0.0 else self.now
+        if at == self.now and seconds > 0.0:
+            return nextafter(self.now, inf)
+        return max(at, self.now)
 
     def spawn(self, name: str, body: Callable[[], None]) -> "Task":
         """Start a task."""
@@ -63,25 +70,28 @@ class Scheduler:
 
 
 class Task:
-    """A task of a schedule.
-
-    `frozen`: it does not run, as after SIGSTOP. `error`: the exception that ended it.
-    """
+    """A task of a schedule: a greenlet that runs until it waits."""
 
     def __init__(
         self, scheduler: Scheduler, hub: greenlet, name: str, body: Callable[[], None]
     ) -> None:
         self.name = name
+        # The exception that ended it.
         self.error: Exception | None = None
         self._scheduler = scheduler
         self._hub = hub
         self._greenlet = greenlet(self._run, hub)
         self._body: Callable[[], None] = body
-        self._waits = 0  # the number of this wait: an alarm of an earlier one does not count
-        self._is_frozen = self._is_due = False
+        # The number of its present wait: what would end an earlier wait does not count.
+        self._waits = 0
+        # Whether it does not run, as after SIGSTOP.
+        self._is_frozen = False
+        # Whether it would have gone on, had it not been frozen.
+        self._is_due = False
         self.is_over = False
 
     def _run(self) -> None:
+        """Do what it is for, in its greenlet."""
         try:
             self._body()
         except Exception as error:
@@ -114,9 +124,11 @@ class Task:
         self._scheduler.current = None
 
     def freeze(self) -> None:
+        """Stop it until `thaw`."""
         self._is_frozen = True
 
     def thaw(self) -> None:
+        """Let it go on."""
         self._is_frozen = False
         if self._is_due:
             self._is_due = False
@@ -126,7 +138,8 @@ class Task:
         """End it where it waits. Its `finally` blocks still run, up to their first wait."""
         if not self.is_over:
             self.is_over = True
-            self._greenlet.parent = getcurrent()  # which goes on then
+            # When it has ended, its parent goes on: that is the caller.
+            self._greenlet.parent = getcurrent()
             self._greenlet.throw(GreenletExit)
 
 
@@ -136,7 +149,9 @@ class VirtualInbox(Inbox):
     def __init__(self, scheduler: Scheduler) -> None:
         super().__init__()
         self._scheduler = scheduler
-        self._reader: Task | None = None  # the task that waits
+        # The task that waits for an item; None: none does.
+        self._reader: Task | None = None
+        # The task that reads it.
         self._task: Task
 
     def read_by(self, task: Task) -> None:
@@ -154,10 +169,13 @@ class VirtualInbox(Inbox):
         self._enough = enough
         deadline = self._scheduler.in_future(max(seconds, LOOK_SECONDS))
         while not self._items:
-            left = deadline - self._scheduler.now
-            if left <= 0.0:
+            remaining = deadline - self._scheduler.now
+            if remaining <= 0.0:
                 return None
+            if enough > 1:
+                # Items that come quietly may not wake it.
+                remaining = min(remaining, look)
             self._reader = self._task
-            self._task.wait(min(left, look) if enough > 1 else left)
+            self._task.wait(remaining)
             self._reader = None
         return self._items.popleft()

@@ -1,4 +1,7 @@
-"""The bus in virtual time: a session of the simulated network."""
+"""The bus in virtual time: a session of the simulated network.
+
+The code of a process uses it as it uses `ZenohBus`. It is linked to the router (link.py).
+"""
 
 from collections.abc import Callable
 from concurrent.futures import Executor
@@ -15,7 +18,10 @@ from orchard.net.bus import GET_SECONDS, TIMED_OUT, Alive, Bus, Final, Query, Re
 
 
 class SimulatedQuery(Query):
-    """A query as the code hears it that answers it, from a link or from its own session."""
+    """A query that has arrived, for the code that answers it.
+
+    It comes from a link, or from the own session, whose queryables answer its queries too.
+    """
 
     def __init__(
         self,
@@ -50,7 +56,7 @@ class SimulatedQuery(Query):
 
 @dataclass
 class Fuse:
-    """Acts as a session is about to send its `left`-th message from now on.
+    """Acts when a session is about to send its `left`-th message from now on.
 
     `only_queries`: only queries count.
     """
@@ -150,8 +156,9 @@ class SimulatedBus(Bus):
 
     def sleep(self, seconds: float) -> None:
         deadline = self._scheduler.in_future(seconds)
-        while self._task is not None and (left := deadline - self._scheduler.now) > 0.0:
-            self._task.wait(left)
+        # A session without a task belongs to a caller that cannot wait.
+        while self._task is not None and self._scheduler.now < deadline:
+            self._task.wait(deadline - self._scheduler.now)
 
     def _before_sending(self, is_query: bool = False) -> None:
         """Take some time now and then, so that a process can be killed between two messages that it
@@ -159,6 +166,7 @@ class SimulatedBus(Bus):
         """
         self._burn_fuse(is_query)
         if self._random.random() < self._network.pauses and not self.is_dead:
+            # Up to 2 ms.
             self.sleep(self._random.random() * 2e-3)
 
     def _burn_fuse(self, is_query: bool) -> None:
@@ -180,6 +188,7 @@ class SimulatedBus(Bus):
         may_drop: bool = False,
         size: int = 0,
     ) -> None:
+        """Send something to the router, if the session is linked. `act`: happens there."""
         link = self.link
         if link is not None and not self.is_dead:
             link.send(UP, partial(act, link), lane, may_drop, size)
@@ -236,6 +245,7 @@ class SimulatedBus(Bus):
         self._scheduler.after(seconds, lambda: self._time_out(number))
 
     def _time_out(self, number: int) -> None:
+        """End a query that has not ended in its time."""
         if number in self._asks and not self.is_dead:
             ticket, _ = self._asks.pop(number)
             if self.link is not None:
@@ -264,12 +274,14 @@ class SimulatedBus(Bus):
         self._send(lambda link: link.router.token(link, token, False), CONTROL)
 
     def _declare(self, what: str, key: str) -> None:
+        """Declare something on a key, now and at each later link. `what`: as in `_declared`."""
         self._before_sending()
         self._declared.append((what, key))
         self._quiet_by_key = {}
         self._send_declared(what, key)
 
     def _send_declared(self, what: str, key: str) -> None:
+        """Tell the router of a declaration."""
         if what == "token":
             self._send(lambda link: link.router.token(link, key, True), CONTROL)
         else:
@@ -339,7 +351,8 @@ class SimulatedBus(Bus):
         return self._quiet_by_key[key]
 
     def hear_token(self, token: str, up: bool) -> None:
-        if up == (token in self._alive):
+        is_known = token in self._alive
+        if up == is_known:
             return
         if up:
             self._alive.add(token)

@@ -1,6 +1,7 @@
 """What stands in for a part of the protocol when a safety net is cut out.
 
-The names say what such a part does. `mutations.py` says which net each of them cuts out.
+The name of a function says what the program does with it. `mutations.py` says in the place of which
+function it stands, and which net that cuts out.
 """
 
 # ruff: noqa: D103 - each name says what the part does
@@ -22,6 +23,7 @@ from orchard.sim import snapshot
 from orchard.sim.engine import Engine
 from orchard.wire.messages import Joined
 
+# The functions as they are without a cut. Stand-ins call them, so they are looked up before.
 _take = barriers.LockstepBarrier.take
 _keep = RecoveryLog.keep
 _actions = barriers.LockstepBarrier.actions
@@ -89,7 +91,9 @@ def checks_no_run(message: Any, run: str) -> None:
 
 
 def takes_over(self: Roster, name: str, holder: str) -> str:
-    return "" if name in self.names else "there is no such agent"
+    if name in self.names:
+        return ""
+    return "there is no such agent"
 
 
 def finds_no_doubt_in_an_error(self: mailbox.Mailbox, tick: int, asked_of: Any) -> bool:
@@ -97,9 +101,8 @@ def finds_no_doubt_in_an_error(self: mailbox.Mailbox, tick: int, asked_of: Any) 
 
 
 def finds_no_doubt_when_new(self: mailbox.Mailbox, tick: int, asked_of: Any) -> bool:
-    return not (
-        self._has(tick, asked_of) and all(asked.answered for asked in self._asked.get(tick - 2, ()))
-    )
+    is_answered = all(asked.answered for asked in self._asked.get(tick - 2, ()))
+    return not is_answered or not self._has(tick, asked_of)
 
 
 def finds_no_doubt_in_a_lack(self: mailbox.Mailbox, tick: int, asked_of: Any) -> bool:
@@ -146,15 +149,15 @@ def with_deeds_twice(self: barriers.LockstepBarrier) -> Mapping[str, Action]:
 
 def with_deeds_late(self: barriers.LockstepBarrier) -> Mapping[str, Action]:
     actions = _actions(self)
+    # The deeds of the tick before, by name; the barrier keeps them.
     deeds: dict[str, Any] = getattr(self, "late_deeds", {})
     self.late_deeds = {name: action.deeds for name, action in actions.items()}  # type: ignore[attr-defined]
     late = {name: replace(action, deeds=deeds.get(name, [])) for name, action in actions.items()}
-    unasked = {
-        name: replace(Action(), deeds=waiting)
-        for name, waiting in deeds.items()
-        if waiting and name not in actions
-    }
-    return {**late, **unasked}
+    # An agent that is not asked at this tick does its late deeds, too.
+    for name, waiting in deeds.items():
+        if waiting and name not in actions:
+            late[name] = replace(Action(), deeds=waiting)
+    return late
 
 
 def keeps_what_was_not_asked(self: Drivers) -> None:
@@ -167,7 +170,8 @@ def moves_the_deadline(self: barriers.LockstepBarrier, name: str) -> None:
 
 
 def stays_left(self: Roster, name: str, owner: str) -> None:
-    self.owners[name] = self._last_owners[name] = owner
+    self.owners[name] = owner
+    self._last_owners[name] = owner
 
 
 def wakes_nobody(self: VirtualInbox, item: Any) -> None:
@@ -175,6 +179,7 @@ def wakes_nobody(self: VirtualInbox, item: Any) -> None:
 
 
 def keeps_before_it_reports(self: loop.RunLoop) -> None:
+    # As `RunLoop._tick`, but `report` comes after `keep`, and `keep` finds nothing to report.
     pending = self.run._pending
     self.run._pending = None
     self._drivers.begin(self._engine.observe(), self._pacer.begin())

@@ -56,7 +56,7 @@ class Station:
 
 
 class Idler:
-    """Does nothing: a client that owns it, and always says that it stands, changes no run."""
+    """Does nothing. So the bare client can own it in place of a host, and changes no run."""
 
     Memory = dict[str, int]
 

@@ -1,5 +1,6 @@
-"""Payloads that change on their way over a link, as Zenoh's do where a write is broken off, only
-more often.
+"""Payloads that change on their way over a link, as Zenoh's do if a write is broken off.
+
+Here it happens more often.
 """
 
 from collections.abc import Callable
@@ -13,17 +14,17 @@ from orchard.wire.messages import Velocities, read
 
 
 class Tears(NamedTuple):
-    """How often payloads change on a link. `torn`: the share whose end is bytes of another message.
+    """How often payloads change on a link. It is True if they change at all.
 
-    `changed`: the share in which one byte is another. Zenoh tore 3 of 380,037 payloads, on links
-    that broke.
-
-    `with_valid`: also into what is a message still, with other content. No receiver notices that,
-    so no hash is promised.
+    Zenoh tore 3 of 380,037 payloads, on links that broke.
     """
 
+    # The share of payloads that get the end of another message in place of their own.
     torn: float = 0.0
+    # The share of payloads in which one byte changes.
     changed: float = 0.0
+    # Whether a payload may also change into a valid message with other content. No receiver notices
+    # that, so no hash is promised then.
     with_valid: bool = False
 
     def __bool__(self) -> bool:
@@ -41,7 +42,8 @@ class Tearer:
         self._tears = tears
         self._random = random
         self._count = count
-        self._before = b"\0"  # the payload before
+        # The payload that has passed before this one.
+        self._before = b"\0"
 
     def carry(self, key: str, payload: bytes, is_reply: bool) -> bytes:
         """Return a payload as it arrives.
@@ -56,14 +58,12 @@ class Tearer:
         at = self._random.randrange(len(payload))
         if chance < self._tears.torn:
             # The end of the payload before, repeated if that is too short.
-            end = len(payload) - at
-            arrived = payload[:at] + (before * (end // len(before) + 1))[-end:]
+            length = len(payload) - at
+            repeated = before * (length // len(before) + 1)
+            arrived = payload[:at] + repeated[-length:]
         else:
-            arrived = (
-                payload[:at]
-                + bytes([payload[at] ^ self._random.randint(1, 255)])
-                + payload[at + 1 :]
-            )
+            byte = payload[at] ^ self._random.randint(1, 255)
+            arrived = payload[:at] + bytes([byte]) + payload[at + 1 :]
         is_drawn = self._tears.with_valid or not is_message(key, arrived, is_reply)
         if arrived == payload or not is_drawn:
             return payload
@@ -73,17 +73,22 @@ class Tearer:
 
 def is_message(key: str, payload: bytes, is_reply: bool = False) -> bool:
     """Whether a payload is a valid message on its key, or a valid reply to a query of that key."""
-    if not (what := key_of(key)):
+    what = key_of(key)
+    if not what:
         return False
-    kind = TABLE[what].message
-    kinds = TABLE[what].replies if is_reply else (kind,)
-    return any(_is_of_kind(payload, one) for one in kinds if one is not None)
+    kinds: tuple[type | None, ...] = (TABLE[what].message,)
+    if is_reply:
+        kinds = TABLE[what].replies
+    return any(_is_of_kind(payload, kind) for kind in kinds if kind is not None)
 
 
 def _is_of_kind(payload: bytes, kind: type) -> bool:
+    """Whether a payload is a message of a kind, and all of it counts."""
     try:
         if kind is Velocities:
-            return not velocities_of(payload)[1]
+            # Malformed actions alone make no ValueError: the others count.
+            _, faults = velocities_of(payload)
+            return not faults
         read(payload, kind)
     except ValueError:
         return False

@@ -9,15 +9,18 @@ from chaos.simulated.plan import Plan
 from chaos.simulated.schedule import Schedule
 from chaos.simulated.verdict import Outcome, Verdict, judge
 
-# Ticks: a failing plan of no more is not made shorter.
+# A failing plan of so many ticks or fewer is not made shorter.
 SHORT = 10
+# A folder in memory, where Linux has one: schedules write many small files.
+IN_MEMORY = Path("/dev/shm")
 
 
 def carry_out(plan: Plan, is_traced: bool = False) -> Verdict:
-    """Carry out a plan, in a folder of its own."""
-    with tempfile.TemporaryDirectory(
-        dir="/dev/shm" if Path("/dev/shm").is_dir() else None
-    ) as folder:
+    """Carry out a plan, in a folder of its own, and judge it."""
+    parent = None
+    if IN_MEMORY.is_dir():
+        parent = IN_MEMORY
+    with tempfile.TemporaryDirectory(dir=parent) as folder:
         return Schedule(plan, Path(folder), is_traced).run(judge)
 
 
@@ -28,23 +31,34 @@ def outcome_of(seed: int) -> Outcome:
 
 
 def shrink(plan: Plan) -> Plan:
-    """Return a plan with fewer faults and ticks that fails in the same way."""
+    """Return a plan with fewer faults and ticks that fails in the same way.
+
+    As long as leaving out one fault, or half of the ticks, makes a plan that still fails so, it
+    goes on with that plan.
+    """
     what = _kind_of(carry_out(plan))
-    is_smaller = True
-    while is_smaller:
-        is_smaller = False
-        fewer = [
-            replace(plan, faults=plan.faults[:at] + plan.faults[at + 1 :])
-            for at in range(len(plan.faults))
-        ]
-        shorter = [replace(plan, ticks=plan.ticks // 2)] if plan.ticks > SHORT else []
-        for smaller in [*fewer, *shorter]:
-            if _kind_of(carry_out(smaller)) == what:
-                plan = smaller
-                is_smaller = True
-                break
+    smaller: Plan | None = plan
+    while smaller is not None:
+        plan = smaller
+        smaller = _smaller_plan(plan, what)
     return plan
 
 
+def _smaller_plan(plan: Plan, what: str) -> Plan | None:
+    """Return a slightly smaller plan with a complaint of this kind; None if there is none."""
+    candidates = []
+    for at in range(len(plan.faults)):
+        candidates.append(replace(plan, faults=plan.faults[:at] + plan.faults[at + 1 :]))
+    if plan.ticks > SHORT:
+        candidates.append(replace(plan, ticks=plan.ticks // 2))
+    for candidate in candidates:
+        if _kind_of(carry_out(candidate)) == what:
+            return candidate
+    return None
+
+
 def _kind_of(verdict: Verdict) -> str:
-    return verdict.complaints[0].partition(":")[0] if verdict.complaints else ""
+    """Return the words of the first complaint up to its details; '' without a complaint."""
+    if not verdict.complaints:
+        return ""
+    return verdict.complaints[0].partition(":")[0]

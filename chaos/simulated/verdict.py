@@ -1,4 +1,7 @@
-"""The verdict on a schedule: what was promised, and did not hold."""
+"""The verdict on a schedule: what was promised, and did not hold.
+
+Each function `_of_...` yields a sentence for each complaint of one kind.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -15,19 +18,29 @@ from orchard.net.refusals import TAKEN
 from orchard.server.loop import WARN_SECONDS
 from orchard.wire.keys import LOGGER, PHYSICS
 
-NOBODY_THERE = (
+# Words of lines that users read.
+# A process may end so if physics was away for long.
+NO_PHYSICS = (
     "no router answers there",
     "no reply; is the physics process running",
-)  # why a process may end: physics was away for long
+)
 NEVER_BACK = "no host has come back"
-TWICE = "answered already"  # the reason of a refusal
-SPEAK_FOR_OTHERS = "lie", "repeat", "nonsense"
 MISSED_END = "physics is gone; waited for"
-START_SECONDS = 6.0  # s that hosts may take to come
-START = 3.0  # s in which a run without faults starts and ends
-TICK = 0.015  # s that a tick takes at most in such a run, beside its messages
-MESSAGES_OF_A_TICK = 8.0  # one after the other, there and back
-LOST_SECONDS = 12.0  # s after which all hosts are back from what happened
+# The reason of a refusal: an owner has answered a tick twice.
+TWICE = "answered already"
+# Clients that send what only others may send.
+SPEAK_FOR_OTHERS = ("lie", "repeat", "nonsense")
+# s, virtual, that hosts may take to come at the beginning.
+START_SECONDS = 6.0
+# s in which a run without faults starts and ends, and that a tick takes at most in it, beside its
+# messages: so many of these follow each other, there and back.
+START_AND_END_SECONDS = 3.0
+TICK_SECONDS = 0.015
+MESSAGES_OF_A_TICK = 8.0
+# s after which all hosts are back after a fault.
+BACK_SECONDS = 12.0
+# Ticks between a fault and an event of the harvest that is near.
+NEAR_TICKS = 20
 
 
 @dataclass
@@ -84,41 +97,46 @@ def judge(schedule: Schedule) -> Verdict:
     return verdict
 
 
-NEAR_TICKS = 20
-
-
 def _is_near(schedule: Schedule) -> bool:
-    """Whether a fault has fallen within NEAR_TICKS of an event of the harvest."""
-    ticks = [
-        {event.tick for event in part.events if event.what in OF_HARVEST}
-        for part in schedule.observer.course.parts
-    ]
-    return any(
-        abs(one.tick - tick) <= NEAR_TICKS for one in schedule.inflicted for tick in ticks[one.part]
-    )
+    """Whether a fault has happened within NEAR_TICKS of an event of the harvest."""
+    parts = schedule.observer.course.parts
+    for inflicted in schedule.inflicted:
+        for event in parts[inflicted.part].events:
+            if event.what in OF_HARVEST and abs(inflicted.tick - event.tick) <= NEAR_TICKS:
+                return True
+    return False
 
 
 def _occurred(schedule: Schedule, summary: dict[str, Any]) -> dict[str, list[str]]:
+    """Return what has occurred, by its kind: "deeds" -> "couple", ... `summary`: of the run."""
+    plan = schedule.plan
     census = schedule.world.network.census
-    faults = {f"{one.fault.what}, {kind_of_process(one.fault.who)}" for one in schedule.inflicted}
+    faults = set()
+    for inflicted in schedule.inflicted:
+        faults.add(f"{inflicted.fault.what}, {kind_of_process(inflicted.fault.who)}")
     if schedule.world.network.torn:
         faults.add("a payload changes, link")
-    begin = "a keyframe" if schedule.plan.begin else "its first tick"
+    events = set(census.events)
+    if summary.get("finished"):
+        events.add(HARVESTED)
+    begin = "from its first tick"
+    if plan.begin:
+        begin = "from a keyframe"
     found = {
         "messages": census.messages,
         "deeds": census.deeds,
         "requests": census.requests,
         "answers": census.answers,
-        "events": census.events | ({HARVESTED} if summary.get("finished") else set()),
+        "events": events,
         "faults": faults,
         "refusals": set(summary.get("messages_refused", ())),
-        "plans": {schedule.plan.scene, schedule.plan.mode, f"from {begin}"},
+        "plans": {plan.scene, plan.mode, begin},
     }
-    return {kind: sorted(ones) for kind, ones in found.items()}
+    return {kind: sorted(names) for kind, names in found.items()}
 
 
 def kind_of_process(name: str) -> str:
-    """Return what a process is: hosts have numbers."""
+    """Return the name of a process without its number: "agents 2" gives "agents"."""
     return name.rstrip("0123456789 ")
 
 
@@ -154,8 +172,9 @@ def _of_time(schedule: Schedule, summary: dict[str, Any]) -> Iterator[str]:
     over_at = schedule.over_at
     if plan.mode != "lockstep" or plan.faults or plan.tears or over_at is None:
         return
-    a_tick = TICK + MESSAGES_OF_A_TICK * plan.delays.there_and_back
-    most = START + plan.late + (summary["ticks"] - plan.begin) * a_tick
+    seconds_of_a_tick = TICK_SECONDS + MESSAGES_OF_A_TICK * plan.delays.there_and_back
+    ticks = summary["ticks"] - plan.begin
+    most = START_AND_END_SECONDS + plan.late + ticks * seconds_of_a_tick
     if over_at > most:
         yield f"slow: {over_at:.1f} s; at most {most:.1f} s"
 
@@ -170,15 +189,16 @@ def _of_agents(schedule: Schedule, summary: dict[str, Any], why: str) -> Iterato
     if plan.mode == "lockstep" and lost and not plan.may_lose:
         yield f"lost: {lost[0]}"
     yield from schedule.observer.course.forgotten[:1]
-    waited = (
-        sum("waiting for" in line and line.startswith(PHYSICS) for line in world.lines)
-        * WARN_SECONDS
-    )
+    # Physics says every WARN_SECONDS that it waits.
+    lines = [line for line in world.lines if line.startswith(PHYSICS) and "waiting for" in line]
+    waited = len(lines) * WARN_SECONDS
     if waited > plan.away + START_SECONDS:
         yield f"physics has waited {waited:g} s for hosts"
-    sessions = plan.hosts + plan.has_bare_client
+    sessions = plan.hosts
+    if plan.has_bare_client:
+        sessions += 1
     is_whole = summary["hosts"] == sessions or any(NEVER_BACK in line for line in lost)
-    if not is_whole and why == "duration" and not schedule.has_just_suffered(LOST_SECONDS):
+    if not is_whole and why == "duration" and not schedule.has_just_suffered(BACK_SECONDS):
         yield f"{summary['hosts']} of {sessions} sessions at the end"
 
 
@@ -257,11 +277,12 @@ def _of_refusals(schedule: Schedule) -> Iterator[str]:
     if schedule.world.loop is None:
         return
     there = schedule.world.loop.run.refusal_totals.there
-    hosts = [host for process in schedule.world.processes.values() for host in process.hosts]
-    for host in hosts:
-        for reason, count in there.get(host.bus.id, {}).items():
-            if count > host.refusals.counts[reason]:
-                yield f"{count} times {reason!r}, and not {host.refusals.counts[reason]}"
+    for process in schedule.world.processes.values():
+        for host in process.hosts:
+            for reason, count in there.get(host.bus.id, {}).items():
+                happened = host.refusals.counts[reason]
+                if count > happened:
+                    yield f"{count} times {reason!r}, and not {happened}"
 
 
 def _of_processes(schedule: Schedule) -> Iterator[str]:
@@ -273,26 +294,26 @@ def _of_processes(schedule: Schedule) -> Iterator[str]:
     supervisor = schedule.run_py.supervisor
     for process in schedule.world.processes.values():
         name = process.spec.name
-        why = process.complaints[-1] if process.complaints else ""
-        is_lost = (
-            any(words in why for words in NOBODY_THERE)
-            or name == LOGGER
-            or (TAKEN in why and plan.may_take)
-        )
+        why = ""
+        if process.complaints:
+            why = process.complaints[-1]
         if process.code is None:
             yield f"{name} still runs {leave_limit(plan):g} s after the end"
-        elif (
-            process.code not in (0, KILLED)
-            and not is_lost
-            and not (MISSED_END in why and plan.may_miss_the_end)
-        ):
+        elif process.code not in (0, KILLED) and not _may_end_so(plan, name, why):
             yield f"{name} ended with code {process.code}: {why}"
     if not plan.has("freeze"):
         yield from (line for line in lines if line.startswith(f"{PHYSICS} has not ended"))
     for name in sorted(set(supervisor.restarted)):
-        if sum(
-            line.startswith(f"{name} ended with code") for line in lines
-        ) < supervisor.restarted.count(name):
+        told = sum(line.startswith(f"{name} ended with code") for line in lines)
+        if told < supervisor.restarted.count(name):
             yield f"{name} has died, and the user does not know it"
     for name in (*supervisor.given_up, *schedule.elsewhere.given_up):
         yield f"{name} was given up"
+
+
+def _may_end_so(plan: Plan, name: str, why: str) -> bool:
+    """Whether a process may end with an error in a plan. `why`: the last line of its log."""
+    if name == LOGGER or any(words in why for words in NO_PHYSICS):
+        return True
+    is_taken = TAKEN in why and plan.may_take
+    return is_taken or (MISSED_END in why and plan.may_miss_the_end)

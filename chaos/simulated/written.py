@@ -15,7 +15,8 @@ from chaos.simulated.schedule import Schedule
 from orchard.contract.events import Event, Frame, LetterEvent
 from orchard.wire.keys import LOGGER, PHYSICS
 
-Said = tuple[int, str, str]  # of an event: its tick, what happened, and the body that did it
+# Of an event: its tick, what happened, and the body that did it.
+Said = tuple[int, str, str]
 
 
 def faults_of_tables(schedule: Schedule, summary: dict[str, Any]) -> Iterator[str]:
@@ -29,7 +30,10 @@ def faults_of_tables(schedule: Schedule, summary: dict[str, Any]) -> Iterator[st
     bodies = len(loop.run.engine.layout.names)
     first = min(part.steps)
     last = summary["ticks"]
-    wanted = [tick for tick in range(first + 1, last + 1) for _ in range(bodies)]
+    # Each tick has a row for each body.
+    wanted = []
+    for tick in range(first + 1, last + 1):
+        wanted += [tick] * bodies
     if ticks != wanted:
         odd = first_difference(ticks, wanted)
         yield f"tables: {len(ticks)} rows of bodies, not {len(wanted)}: tick {odd}"
@@ -41,9 +45,9 @@ def faults_of_tables(schedule: Schedule, summary: dict[str, Any]) -> Iterator[st
 
 def first_difference(found: Sequence[object], wanted: Sequence[object]) -> str:
     """Return the first thing that differs, in words; None stands for the end of a sequence."""
-    for one, other in zip([*found, None], [*wanted, None], strict=False):
-        if one != other:
-            return f"{one}, not {other}"
+    for is_there, should_be in zip([*found, None], [*wanted, None], strict=False):
+        if is_there != should_be:
+            return f"{is_there}, not {should_be}"
     return ""
 
 
@@ -71,7 +75,11 @@ def faults_of_recording(schedule: Schedule, summary: dict[str, Any]) -> Iterator
     if len(schedule.observer.course.parts) > 1 or world.begins != 1:
         return
     for queue in world.frames:
-        frames = [frame for _ in range(len(queue)) if (frame := queue.take()) is not None]
+        frames = []
+        for _ in range(len(queue)):
+            frame = queue.take()
+            if frame is not None:
+                frames.append(frame)
         if frames and not _may_lack_frames(plan):
             ticks = [frame.tick for frame in frames]
             wanted = list(range(plan.begin + 1, summary["ticks"] + 1))
@@ -112,11 +120,10 @@ def _of_frames(schedule: Schedule, frames: Sequence[Frame]) -> Iterator[str]:
         if said(frame.events) != said(step.events):
             yield f"recording: other events than in the run: tick {frame.tick - 1}"
             return
-        sent = [
-            (event.tick, event.what, event.who)
-            for event in frame.events
-            if isinstance(event, LetterEvent)
-        ]
+        sent = []
+        for event in frame.events:
+            if isinstance(event, LetterEvent):
+                sent.append((event.tick, event.what, event.who))
         if sent != step.sent:
             yield f"recording: other messages than in the run: tick {frame.tick - 1}"
             return

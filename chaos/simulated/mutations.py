@@ -34,7 +34,6 @@ from orchard.sim import snapshot
 from orchard.sim.engine import Engine
 from orchard.wire import messages as wire
 
-
 # Characters of a complaint that the table of mutations shows.
 SHOWN = 100
 

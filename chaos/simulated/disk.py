@@ -10,22 +10,40 @@ from concurrent.futures import Executor, Future
 from contextlib import suppress
 from functools import partial
 from math import inf
-from typing import TYPE_CHECKING, Any
+from random import Random
+from typing import Any, Protocol
 from unittest.mock import patch
 
 from chaos.simulated.half import WriterKilled, takes_half
-from chaos.simulated.scheduler import Task
-
-if TYPE_CHECKING:
-    from chaos.simulated.processes import SimulatedProcess, World
+from chaos.simulated.scheduler import Scheduler, Task
 
 LOOK_SECONDS = 0.01  # s between two looks whether a job is done
+
+
+class SurroundingWorld(Protocol):
+    """What a disk needs of its world."""
+
+    #: The clock.
+    scheduler: Scheduler
+    random: Random
+    #: s that a write takes at most.
+    disk_seconds: float
+    #: How many writes the disk has taken half of.
+    half_writes: int
+
+
+class WritingProcess(Protocol):
+    """What a disk needs of its process."""
+
+    pid: int
+    #: The task of the process, which waits for its jobs.
+    task: Task
 
 
 class SimulatedFuture(Future[Any]):
     """The result of a job of the disk, for which a task waits in virtual time."""
 
-    def __init__(self, world: "World", task: Task) -> None:
+    def __init__(self, world: SurroundingWorld, task: Task) -> None:
         super().__init__()
         self._world = world
         self._task = task
@@ -44,7 +62,7 @@ class SimulatedFuture(Future[Any]):
 class SimulatedDisk(Executor):
     """Does one job of a process after the other, each after some time."""
 
-    def __init__(self, world: "World", process: "SimulatedProcess") -> None:
+    def __init__(self, world: SurroundingWorld, process: WritingProcess) -> None:
         self._world = world
         self._process = process
         # s, virtual: when all jobs are done that it has now.

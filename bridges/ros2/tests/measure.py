@@ -1,7 +1,7 @@
 """What the bridge costs, and how soon a robot does what ROS says: the default orchard in real time,
 all its bodies, 10 Hz.
 
-ORCHARD=.venv/bin/orchard .venv-ros2/bin/python bridges/ros2/tests/measure.py
+    ORCHARD=.venv/bin/orchard .venv-ros2/bin/python bridges/ros2/tests/measure.py
 """
 
 import random
@@ -20,34 +20,41 @@ from orchard_ros2.publishers import profile, type_of
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import LaserScan
 
-CHANGES = 60
-SECONDS = 20.0
+CHANGES = 60  # of the velocity, each of which is timed
+SECONDS = 20.0  # for which the bridge's share of a core is measured
 
 
 def rest(user, seconds):
+    """Handle what arrives for some time."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         user.executor.spin_once(timeout_sec=0.01)
 
 
 def latencies(user, odom, orders):
-    """Seconds from a changed cmd_vel until odom shows it, at random moments of a tick, sorted."""
+    """Return the seconds from a changed cmd_vel until odom shows it, at random moments of a tick,
+    sorted.
+
+    `odom`: the list of messages. `orders`: the publisher of cmd_vel.
+    """
     chance = random.Random(1)
     seconds = []
     for i in range(CHANGES):
         message = TwistStamped()
-        message.twist.linear.x = 0.1 if i % 2 else -0.1
+        # Forward and backward in turns, m/s.
+        wanted = 0.1 if i % 2 else -0.1
+        message.twist.linear.x = wanted
         rest(user, chance.uniform(0.1, 0.3))
         begin = time.monotonic()
         orders.publish(message)
-        user.until(lambda wanted=message.twist.linear.x: odom[-1].twist.twist.linear.x == wanted)
+        user.until(lambda wanted=wanted: odom[-1].twist.twist.linear.x == wanted)
         seconds.append(time.monotonic() - begin)
     return sorted(seconds)
 
 
 def share_of_core(user, bridge, names):
-    """The bridge's share of a core, while all topics of all bodies are heard; and the messages a
-    second that were heard.
+    """Return the bridge's share of a core, while all topics of all bodies are heard; and the
+    messages a second that were heard.
     """
     heard = [user.hear(f"{name}/odom", Odometry, 10) for name in names]
     heard += [user.hear(f"{name}/scan", LaserScan, qos_profile_sensor_data) for name in names]
@@ -64,6 +71,7 @@ def share_of_core(user, bridge, names):
 
 
 def main():
+    """Measure both, and print them."""
     everyone = "[bin,carrier,cat,dog,picker,tractor,visitor,weed,worker]"
     parameters = ["-p", f"robots:={everyone}", "-p", "driven:=[picker_01]"]
     words = ["--mode", "realtime", "--without", "picker_01"]
@@ -74,13 +82,8 @@ def main():
         user.until(lambda: odom, BEGIN_SECONDS)
         user.until(orders.get_subscription_count)
         latency = latencies(user, odom, orders)
-        names = sorted(
-            {
-                name.split("/")[1]
-                for name, _ in user.node.get_topic_names_and_types()
-                if name.endswith("/odom")
-            }
-        )
+        topics_there = [name for name, _ in user.node.get_topic_names_and_types()]
+        names = sorted({name.split("/")[1] for name in topics_there if name.endswith("/odom")})
         share, rate = share_of_core(user, run.bridge, names)
     median = statistics.median(latency)
     most = latency[-1]

@@ -19,14 +19,18 @@ animals: {dogs: 0, cats: 0}
 tractor: false
 """
 SHARE = 0.75  # of the speed that its agent wants
-# m, x of the stretch of a row in which ROS drives; the rest, where places are exact, is the
-# agent's.
+# x of the part of a row in which ROS drives, m. In the rest, where places are exact, the agent
+# does.
 ROW = (-34.0, -9.0)
 HARVEST_SECONDS = 300.0
+# In real time some advice comes too late for its tick.
+MOSTLY = 0.8
 
 
 def test_a_harvest_finishes_with_a_picker_that_ros_drives(tmp_path):
-    scenario, summary = tmp_path / "small.yaml", tmp_path / "summary.json"
+    """ROS lets it drive three quarters as fast as its agent wants; all three bins are delivered."""
+    scenario = tmp_path / "small.yaml"
+    summary = tmp_path / "summary.json"
     scenario.write_text(SMALL)
     words = [str(scenario), "--mode", "realtime", "--speed", str(SPEED), "--summary", str(summary)]
     with scene(
@@ -47,13 +51,12 @@ def test_a_harvest_finishes_with_a_picker_that_ros_drives(tmp_path):
         user.until(lambda: run.orchard.poll() is not None, HARVEST_SECONDS, needs_bridge=False)
         assert run.orchard.returncode == 0
     assert json.loads(summary.read_text())["bins_delivered"] == 3
-    speeds = [
-        odom.twist.twist.linear.x
-        for odom in odometry
-        if is_in_row(odom) and odom.twist.twist.linear.x
-    ]
-    assert sum(abs(speed) == SHARE for speed in speeds) > 0.8 * len(speeds), "ROS did not drive it"
+    speeds = [abs(odom.twist.twist.linear.x) for odom in odometry if is_in_row(odom)]
+    moving = [speed for speed in speeds if speed]
+    # Its agent wants 1 m/s there.
+    assert moving.count(SHARE) > MOSTLY * len(moving), "ROS did not drive it"
 
 
 def is_in_row(odom):
+    """Whether a robot is in the part of its row in which ROS drives."""
     return ROW[0] < odom.pose.pose.position.x < ROW[1]

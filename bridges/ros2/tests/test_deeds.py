@@ -10,6 +10,7 @@ metres = st.floats(-100.0, 100.0)
 
 
 def pose(x=0.0, y=0.0, yaw=0.0, forward=0.0, hitch=None, tick=0):
+    """Return a message `pose` of the Orchard. `forward`: m/s. `hitch`: the bin on the bar."""
     twist = {
         "linear": {"x": forward, "y": 0.0, "z": 0.0},
         "angular": {"x": 0.0, "y": 0.0, "z": 0.0},
@@ -29,6 +30,7 @@ def pose(x=0.0, y=0.0, yaw=0.0, forward=0.0, hitch=None, tick=0):
     off=st.floats(-0.1, 0.1),
 )
 def test_the_bin_behind_is_the_one_at_the_coupling_point(x, y, yaw, tows, off):
+    """One bin stands there, up to 10 cm off, and another one as far ahead of the robot."""
     bins = {
         "bin_01": pose(x - tows * cos(yaw) + off, y - tows * sin(yaw)),
         "bin_02": pose(x + tows * cos(yaw), y + tows * sin(yaw)),
@@ -41,26 +43,23 @@ def test_without_a_bin_there_is_none_behind():
 
 
 def test_a_deed_waits_until_robot_and_bin_stand():
-    couple, uncouple = (
-        Handling("picker_01", COUPLE, "bin_01", 0),
-        Handling("picker_01", UNCOUPLE, "", 0),
-    )
-    rolling = {"name": "bin_01", **pose(forward=0.5)}
-    assert couple.deeds(pose(forward=0.5)) == [] and uncouple.deeds(pose(hitch=rolling)) == []
+    couple = Handling("picker_01", COUPLE, "bin_01", began=0)
+    uncouple = Handling("picker_01", UNCOUPLE, "", began=0)
+    rolling_bin = {"name": "bin_01", **pose(forward=0.5)}
+    standing_bin = {"name": "bin_01", **pose()}
+    assert couple.deeds(pose(forward=0.5)) == []
+    assert uncouple.deeds(pose(hitch=rolling_bin)) == []
     assert couple.deeds(pose()) == [{"type": "couple", "bin": "bin_01"}]
-    assert uncouple.deeds(pose(hitch={"name": "bin_01", **pose()})) == [{"type": "uncouple"}]
+    assert uncouple.deeds(pose(hitch=standing_bin)) == [{"type": "uncouple"}]
 
 
 def test_a_deed_is_done_when_the_bar_shows_it():
-    """It is done when the bar shows it and given up in the end."""
-    couple, uncouple = (
-        Handling("picker_01", COUPLE, "bin_01", 7),
-        Handling("picker_01", UNCOUPLE, "", 7),
-    )
+    """An outcome is '' when it is done, None while it goes on, and words when it is given up."""
+    couple = Handling("picker_01", COUPLE, "bin_01", began=7)
+    uncouple = Handling("picker_01", UNCOUPLE, "", began=7)
     on_bar = {"name": "bin_01", **pose()}
-    assert (couple.outcome(pose(hitch=on_bar, tick=8)), uncouple.outcome(pose(tick=8))) == ("", "")
-    assert (couple.outcome(pose(tick=8)), uncouple.outcome(pose(hitch=on_bar, tick=8))) == (
-        None,
-        None,
-    )
+    assert couple.outcome(pose(hitch=on_bar, tick=8)) == ""
+    assert uncouple.outcome(pose(tick=8)) == ""
+    assert couple.outcome(pose(tick=8)) is None
+    assert uncouple.outcome(pose(hitch=on_bar, tick=8)) is None
     assert "can couple only while" in couple.outcome(pose(tick=8 + PATIENCE_TICKS))

@@ -12,19 +12,18 @@ from orchard_ros2.plain import bodies, field, topics
 ROOT = Path(__file__).parents[3]
 coordinates = st.floats(-60.0, 60.0)
 halves = st.floats(0.05, 20.0)
+SLACK = 1e-3  # m, for points on the border of a cell
 
 
 def test_the_laser_is_as_high_as_the_scan_plane():
-    assert (
-        f"The scan plane is {topics.LASER_HEIGHT} m above the ground"
-        in (ROOT / "docs/reference.md").read_text()
-    )
+    reference = (ROOT / "docs/reference.md").read_text()
+    assert f"The scan plane is {topics.LASER_HEIGHT} m above the ground" in reference
 
 
 def test_a_description_has_the_frames_and_the_box_of_its_body():
-    robot = ElementTree.fromstring(
-        bodies.description("picker_07", (2.5, 1.5, 1.0), (255, 0, 0), 1.25)
-    )
+    """A red box of 2.5 x 1.5 x 1 m with its laser 1.25 m ahead of its centre."""
+    urdf = bodies.description("picker_07", (2.5, 1.5, 1.0), (255, 0, 0), 1.25)
+    robot = ElementTree.fromstring(urdf)
     assert [link.get("name") for link in robot.findall("link")] == [
         topics.base_link("picker_07"),
         topics.laser("picker_07"),
@@ -38,6 +37,7 @@ def test_a_description_has_the_frames_and_the_box_of_its_body():
 def test_robots_are_named_or_of_a_named_kind():
     names = ["bin_01", "picker_01", "picker_02"]
     kinds = "bin", "picker", "tractor"
+    # There is no tractor in this run; its kind may be named all the same.
     assert bodies.selected(["picker_02", "bin", "tractor"], names, kinds) == ["bin_01", "picker_02"]
     with pytest.raises(
         ValueError,
@@ -52,18 +52,27 @@ def test_robots_are_named_or_of_a_named_kind():
     y=coordinates,
 )
 def test_a_cell_is_occupied_where_a_wall_is(walls, x, y):
-    """And none is further than a cell away from one."""
+    """The cell of a point in a wall is occupied, and no occupied cell is further than a cell away
+    from a wall.
+    """
     grid = field.grid_of(walls).fields
-    info, cells = grid["info"].fields, grid["data"]
+    info = grid["info"].fields
+    cells = grid["data"]
+    assert isinstance(cells, array)
+    assert len(cells) == info["width"] * info["height"]
     corner = info["origin"].fields["position"].fields
-    column, row = (
-        int((x - corner["x"]) // field.RESOLUTION),
-        int((y - corner["y"]) // field.RESOLUTION),
-    )
-    assert len(cells) == info["width"] * info["height"] and isinstance(cells, array)
-    if not (0 <= column < info["width"] and 0 <= row < info["height"]):
+    column = int((x - corner["x"]) // field.RESOLUTION)
+    row = int((y - corner["y"]) // field.RESOLUTION)
+    is_on_map = 0 <= column < info["width"] and 0 <= row < info["height"]
+    if not is_on_map:
         return
-    off = min(max(abs(x - wall[0]) - wall[2], abs(y - wall[1]) - wall[3]) for wall in walls)
+    # Metres from the point to the nearest wall, along x or y; below 0 in a wall.
+    distance = min(
+        max(abs(x - middle_x) - half_x, abs(y - middle_y) - half_y)
+        for middle_x, middle_y, half_x, half_y in walls
+    )
     is_occupied = cells[row * info["width"] + column] == field.OCCUPIED
-    assert is_occupied or off > -1e-3
-    assert not is_occupied or off < field.RESOLUTION + 1e-3
+    if is_occupied:
+        assert distance < field.RESOLUTION + SLACK
+    else:
+        assert distance > -SLACK

@@ -28,17 +28,19 @@ from orchard_ros2.plain.topics import Topic
 
 
 def test_the_commands_and_the_node_drive_the_robot(tmp_path):
-    orchard, bridge = (line.split() for line in block("ros2 run").splitlines())
-    del orchard[orchard.index("--listen") :]  # the scene chooses a free port
-    assert orchard.pop(0) == "orchard" and bridge[:2] == ["orchard-ros2", "--ros-args"]
-    others = [
-        word
-        for pair in zip(bridge[2::2], bridge[3::2], strict=True)
-        if "endpoint" not in pair[1]
-        for word in pair
-    ]
+    orchard_command, bridge_command = block("ros2 run").splitlines()
+    # The scene chooses a free port: the page's endpoint goes from both commands. It is the last
+    # option of the first and one of the parameters, `-p NAME:=VALUE`, of the second.
+    orchard_words = orchard_command.split("--listen")[0].split()
+    bridge_words = bridge_command.split()
+    assert orchard_words.pop(0) == "orchard"
+    assert bridge_words[:2] == ["orchard-ros2", "--ros-args"]
+    parameters = []
+    for option, value in zip(bridge_words[2::2], bridge_words[3::2], strict=True):
+        if "endpoint" not in value:
+            parameters += [option, value]
     with (
-        scene(tmp_path, [*orchard, "--rows", "3"], others) as run,
+        scene(tmp_path, [*orchard_words, "--rows", "3"], parameters) as run,
         started([sys.executable, "-c", block("ros2 node")], tmp_path / "node.log"),
     ):
         odom = run.user.hear("picker_01/odom", Odometry, 10)
@@ -48,10 +50,7 @@ def test_the_commands_and_the_node_drive_the_robot(tmp_path):
 
 
 def test_the_package_installs_command_launch_file_and_picture(tmp_path):
-    """The package is installed with its command its launch file and its picture.
-
-    As in the block `install`, but without the environment.
-    """
+    """The command of the page's block `ros2 install` installs them, here into a folder."""
     (command,) = [line for line in block("ros2 install").splitlines() if "pip install" in line]
     shutil.copytree(FOLDER, tmp_path / "bridges" / "ros2")
     words = [
@@ -67,52 +66,49 @@ def test_the_package_installs_command_launch_file_and_picture(tmp_path):
     subprocess.run(words, cwd=tmp_path, check=True, timeout=120)
     share = tmp_path / "there" / "share" / "orchard_ros2"
     assert (tmp_path / "there" / "bin" / "orchard-ros2").exists()
-    assert (share / "launch" / "orchard.launch.py").exists() and (
-        share / "rviz" / "orchard.rviz"
-    ).exists()
+    assert (share / "launch" / "orchard.launch.py").exists()
+    assert (share / "rviz" / "orchard.rviz").exists()
 
 
 def test_the_launch_file_gives_parameters_that_the_bridge_takes(tmp_path):
-    """The launch file gives the bridge parameters that it takes.
+    """The launch file's defaults are the page's, and the bridge begins with them.
 
-    `launch` has no wheel, so the file is read and not run: the bridge is started with its
-    defaults, as the file writes them.
+    `launch` has no wheel, so the file is read and not run.
     """
     text = (FOLDER / "launch" / "orchard.launch.py").read_text()
-    values = {
+    constants = {
         node.targets[0].id: node.value
         for node in ast.parse(text).body
         if isinstance(node, ast.Assign)
     }
-    given = {name: value for name, (value, _) in ast.literal_eval(values["ARGUMENTS"]).items()}
-    rows = dict(re.findall(r"^\| `(\w+)` \| `?(.+?)`? \|", PAGE, re.M))
-    empty = {"robots": "all robots"}  # what an empty value stands for, where that is not none
-    expected = {
-        name: value if value not in ("''", "['']") else empty.get(name, "none")
-        for name, value in given.items()
-    }
-    assert expected == {name: rows[name] for name in given}
+    arguments = ast.literal_eval(constants["ARGUMENTS"])
+    defaults = {name: default for name, (default, _) in arguments.items()}
+    # The page's table of parameters: | `name` | `default` |
+    on_the_page = dict(re.findall(r"^\| `(\w+)` \| `?(.+?)`? \|", PAGE, re.M))
+    for name, default in defaults.items():
+        meaning = default
+        if default in ("''", "['']"):  # empty
+            meaning = "all robots" if name == "robots" else "none"
+        assert on_the_page[name] == meaning
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    words = [
-        word
-        for name, value in (given | {"endpoint": endpoint}).items()
-        for word in ("-p", f"{name}:={value}")
-    ]
+    words = []
+    for name, value in (defaults | {"endpoint": endpoint}).items():
+        words += ["-p", f"{name}:={value}"]
     log = tmp_path / "bridge.log"
     with bridging(endpoint, words, log) as bridge:
         wait_until_it_says(f"nothing answers at {endpoint}", log, bridge)
 
 
-def told(topic):
-    """How the page's table names a topic and its quality of service."""
-    reliability = {
+def row_words(topic):
+    """How the page's table names a topic, its type and its quality of service."""
+    qualities = {
         topics.SENSOR_DATA: "sensor data: best effort, 5",
         topics.LATCHED: "transient local, 1",
     }
     return (
         topic.of("NAME"),
         topic.type.replace("/msg/", "/"),
-        reliability.get(topic.qos, f"reliable, {topic.qos.depth}"),
+        qualities.get(topic.qos, f"reliable, {topic.qos.depth}"),
     )
 
 
@@ -122,9 +118,10 @@ def told(topic):
     ids=lambda topic: topic.name,
 )
 def test_each_topic_is_on_the_page(topic):
-    name, kind, qos = told(topic)
+    name, kind, quality = row_words(topic)
     (row,) = [line for line in PAGE.splitlines() if line.startswith("| `") and f"`{name}`" in line]
-    assert kind.split("/")[-1] in row and qos in row
+    assert kind.split("/")[-1] in row
+    assert quality in row
 
 
 @pytest.mark.parametrize(
@@ -176,22 +173,22 @@ def test_the_bridge_waits_for_a_run_and_ends_when_it_is_told_to(tmp_path):
 def test_rviz_shows_topics_that_are_there():
     """RViz itself is not here: its file is YAML, and names topics and frames of the bridge."""
     config = yaml.safe_load((FOLDER / "rviz" / "orchard.rviz").read_text())["Visualization Manager"]
-    shown = {
-        value["Value"]: value
-        for display in config["Displays"]
-        for value in display.values()
-        if isinstance(value, dict)
-    }
+    # A display names the topics that it shows in the fields that are tables.
+    shown = {}
+    for display in config["Displays"]:
+        for value in display.values():
+            if isinstance(value, dict):
+                shown[value["Value"]] = value
     known = {
         "/" + topic.of("picker_01").lstrip("/"): topic
         for topic in vars(topics).values()
         if isinstance(topic, Topic)
     }
-    assert set(shown) <= set(known) and config["Global Options"]["Fixed Frame"] == topics.MAP
+    assert set(shown) <= set(known)
+    assert config["Global Options"]["Fixed Frame"] == topics.MAP
     for name, value in shown.items():
-        assert value["Reliability Policy"] == (
-            "Reliable" if known[name].qos.reliable else "Best Effort"
-        )
-        assert value["Durability Policy"] == (
-            "Transient Local" if known[name].qos.latched else "Volatile"
-        )
+        quality = known[name].qos
+        reliability = "Reliable" if quality.reliable else "Best Effort"
+        durability = "Transient Local" if quality.latched else "Volatile"
+        assert value["Reliability Policy"] == reliability
+        assert value["Durability Policy"] == durability

@@ -4,22 +4,27 @@ import pytest
 from orchard_ros2 import physics
 from orchard_ros2.physics import BEGIN_SECONDS, GOES_SECONDS, PhysicsWatch
 
+BEGIN = 100.0  # s, the virtual time at which each test begins
+
 
 class Clock:
-    """Virtual time. `at`: second -> what happens then, while something sleeps."""
+    """Virtual time, s. `at`: time -> a function that is called then, while something sleeps."""
 
     def __init__(self):
-        self.now = 100.0
+        self.now = BEGIN
         self.at = {}
 
     def sleep(self, seconds):
+        """Let time pass, and do what is due by then."""
         self.now += seconds
-        for due in [due for due in self.at if due <= self.now]:
-            self.at.pop(due)()
+        for due in list(self.at):
+            if due <= self.now:
+                self.at.pop(due)()
 
 
 @pytest.fixture
 def clock(monkeypatch):
+    """The clock by which a watch waits."""
     clock = Clock()
     monkeypatch.setattr(physics, "monotonic", lambda: clock.now)
     monkeypatch.setattr(physics, "sleep", clock.sleep)
@@ -61,24 +66,31 @@ def test_of_two_tokens_one_is_enough(watch):
 
 
 def test_a_query_waits_for_the_run_after_a_reset(watch, clock):
+    """Physics comes back 7 s after the reset. A second query does not wait again."""
     watch.note_reset()
-    clock.at[107.0] = lambda: watch.note_token("two", is_up=True)
+    clock.at[BEGIN + 7.0] = lambda: watch.note_token("two", is_up=True)
     watch.await_newest_run()
-    assert clock.now == pytest.approx(107.0, abs=0.1)
+    assert clock.now == pytest.approx(BEGIN + 7.0, abs=0.1)
     watch.await_newest_run()
-    assert clock.now == pytest.approx(107.0, abs=0.1), "and no query waits again"
+    assert clock.now == pytest.approx(BEGIN + 7.0, abs=0.1)
 
 
 def test_a_query_waits_once_for_a_run_that_does_not_come(watch, clock):
+    """A query gives up after BEGIN_SECONDS. A second query does not wait again."""
     watch.note_reset()
     watch.await_newest_run()
-    assert clock.now == pytest.approx(100.0 + BEGIN_SECONDS, abs=0.1)
+    assert clock.now == pytest.approx(BEGIN + BEGIN_SECONDS, abs=0.1)
     watch.await_newest_run()
-    assert clock.now == pytest.approx(100.0 + BEGIN_SECONDS, abs=0.1)
+    assert clock.now == pytest.approx(BEGIN + BEGIN_SECONDS, abs=0.1)
 
 
-@pytest.mark.parametrize(("are_names_reused", "has_begun"), [(True, True), (False, False)])
+@pytest.mark.parametrize(
+    ("are_names_reused", "has_begun"),
+    [(True, True), (False, False)],
+    ids=["secured run", "open run"],
+)
 def test_a_token_of_the_same_name_is_new_in_a_secured_run(clock, are_names_reused, has_begun):
+    """In an open run it is the old one, which was only cut off for a moment."""
     watch = PhysicsWatch(are_names_reused)
     watch.note_token("one", is_up=True)
     watch.note_request()
@@ -89,8 +101,9 @@ def test_a_token_of_the_same_name_is_new_in_a_secured_run(clock, are_names_reuse
 
 
 def test_a_reset_that_was_asked_for_ends_with_a_new_token(watch, clock):
+    """Physics comes back 3 s after the request."""
     watch.note_request()
-    clock.at[103.0] = lambda: watch.note_token("two", is_up=True)
+    clock.at[BEGIN + 3.0] = lambda: watch.note_token("two", is_up=True)
     watch.await_requested_run()
     assert watch.has_begun_again
-    assert clock.now == pytest.approx(103.0, abs=0.1)
+    assert clock.now == pytest.approx(BEGIN + 3.0, abs=0.1)

@@ -16,8 +16,8 @@ from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-TICKS = 10  # of orders that must move nothing
-FIND_SECONDS = 60.0
+TICKS = 10  # for which orders to drive must move nothing
+FIND_SECONDS = 60.0  # within which the processes find each other, and a command ends
 
 
 def page():
@@ -25,8 +25,11 @@ def page():
     return [line.split()[1:] for line in block("ros2 secured").splitlines()]
 
 
-def made_roles(folder):
-    """The roles of the page, and one of a bridge that only looks."""
+def make_roles(folder):
+    """Make the roles of the page, and the role `looker` of a bridge that only looks.
+
+    Return the folder that has a folder for each.
+    """
     words = [*shlex.split(os.environ["ORCHARD"]), *page()[0], "--rows", "3", "--bridge", "looker"]
     folder.mkdir(exist_ok=True)
     subprocess.run(words, cwd=folder, check=True, capture_output=True, timeout=FIND_SECONDS)
@@ -36,19 +39,19 @@ def made_roles(folder):
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("secured")
-    roles = made_roles(folder)
+    roles = make_roles(folder)
     _, orchard_words, bridge_words = page()
     # The scene chooses a free port: the page's endpoint goes, which is the last option of the
     # run's command and the first parameter of the bridge's.
     orchard_words = orchard_words[: orchard_words.index("--listen")]
     parameters = bridge_words[bridge_words.index("-p") + 2 :]
     parameters = [word.replace("secure:=", f"secure:={folder}/") for word in parameters]
-    with scene(folder, [*orchard_words, "--rows", "3"], parameters) as made:
-        made.roles = roles
-        made.odom = made.user.hear("picker_01/odom", Odometry, 10)
-        made.clock = made.user.hear("clock", Clock, 10)
-        made.user.until(lambda: made.odom, BEGIN_SECONDS)
-        yield made
+    with scene(folder, [*orchard_words, "--rows", "3"], parameters) as secured:
+        secured.roles = roles
+        secured.odom = secured.user.hear("picker_01/odom", Odometry, 10)
+        secured.clock = secured.user.hear("clock", Clock, 10)
+        secured.user.until(lambda: secured.odom, BEGIN_SECONDS)
+        yield secured
 
 
 def forward(speed):
@@ -58,7 +61,7 @@ def forward(speed):
 
 
 def publish_until(run, orders, speed, is_enough):
-    """Give orders to drive forward again and again, until it is enough."""
+    """Publish orders to drive forward, in m/s, again and again until `is_enough` says so."""
 
     def publish_and_look():
         orders.publish(forward(speed))
@@ -68,6 +71,7 @@ def publish_until(run, orders, speed, is_enough):
 
 
 def drives(run, speed):
+    """Check that the picker drives as fast as it is ordered to, in m/s, and then stops."""
     orders = run.user.node.create_publisher(TwistStamped, "picker_01/cmd_vel", 10)
     publish_until(run, orders, speed, lambda: run.odom[-1].twist.twist.linear.x == speed)
     run.user.until(lambda: run.odom[-1].twist.twist.linear.x == 0.0)  # nothing drives it any more
@@ -128,8 +132,9 @@ def test_a_robot_that_the_role_may_not_drive_is_named(run):
     words = ["-p", f"secure:={run.roles / 'looker'}", "-p", "advised:=[picker]"]
     with bridging(run.endpoint, words, run.folder / "greedy.log") as bridge:
         assert bridge.wait(FIND_SECONDS) == 2
-    told = (run.folder / "greedy.log").read_text()
-    assert "the role looker may drive none" in told and "Traceback" not in told
+    log = (run.folder / "greedy.log").read_text()
+    assert "the role looker may drive none" in log
+    assert "Traceback" not in log
 
 
 def test_a_role_that_another_bridge_has_is_waited_for(run):
@@ -145,12 +150,13 @@ def test_a_role_that_another_bridge_has_is_waited_for(run):
 
 def test_a_bridge_with_roles_of_another_run_is_told_so(run, tmp_path):
     """Each run's roles have an authority of their own, and neither accepts the other's."""
-    other_roles = made_roles(tmp_path / "others")
+    other_roles = make_roles(tmp_path / "others")
     words = ["-p", f"secure:={other_roles / 'ros2'}"]
     with bridging(run.endpoint, words, tmp_path / "other.log") as bridge:
         assert bridge.wait(FIND_SECONDS) == 2
-    told = (tmp_path / "other.log").read_text()
-    assert "do not accept each other" in told and "Traceback" not in told
+    log = (tmp_path / "other.log").read_text()
+    assert "do not accept each other" in log
+    assert "Traceback" not in log
 
 
 @pytest.mark.parametrize(
@@ -163,13 +169,11 @@ def test_a_bridge_with_roles_of_another_run_is_told_so(run, tmp_path):
     ],
 )
 def test_what_does_not_fit_is_told_in_words(role, endpoint, words, run):
-    given = [
-        "-p",
-        f"endpoint:={endpoint}",
-        *(["-p", f"secure:={run.roles / role}"] if role else []),
-    ]
+    parameters = ["-p", f"endpoint:={endpoint}"]
+    if role:
+        parameters += ["-p", f"secure:={run.roles / role}"]
     done = subprocess.run(
-        [sys.executable, "-m", "orchard_ros2", "--ros-args", *given],
+        [sys.executable, "-m", "orchard_ros2", "--ros-args", *parameters],
         cwd=FOLDER,
         capture_output=True,
         text=True,

@@ -51,7 +51,7 @@ def test_a_picker_that_is_ill_goes_on_where_it_stopped() -> None:
     [LATE, ILL, ILL | FAILING, ILL | {"route": "one-way"}],
     ids=["late", "ill", "ill and failing", "one-way"],
 )
-def test_both_models_know_who_is_away(changes: dict[str, object]) -> None:
+def test_both_models_know_which_pickers_are_away(changes: dict[str, object]) -> None:
     crew = with_changes(CREW, **changes)
     run = Local(crew, is_hashed=False)
     while not run.ended:
@@ -66,7 +66,7 @@ def test_both_models_know_who_is_away(changes: dict[str, object]) -> None:
 
 
 @pytest.mark.parametrize("begin", [0.0, 0.076, 0.102, 0.29, 0.323, 0.388, 0.427])
-def test_who_is_away_bars_no_road(begin: float) -> None:
+def test_a_picker_that_is_away_bars_no_road(begin: float) -> None:
     """The other two are done while it is away for two hours, wherever it was at that moment.
 
     Among these moments, in hours, are some at which it turns into a row: it must not stay there.
@@ -125,5 +125,5 @@ def test_it_does_not_leave_where_it_needs_the_road() -> None:
     assert stage.pose("carrier_01")[0] == pytest.approx(-27.5, abs=0.1)
 
 
-def test_nobody_is_away_by_default() -> None:
+def test_no_picker_is_away_by_default() -> None:
     assert Scenario().picker_absences == {}

@@ -139,7 +139,7 @@ def test_a_carrier_offers_itself_only_to_the_longest_caller():
     assert answers(stage, 141, ("bin_01", 90)) == [Offer]
 
 
-def test_a_bin_that_never_decides_keeps_the_carrier_from_nobody():
+def test_a_bin_that_never_decides_leaves_the_carrier_to_others():
     """After two seconds without a decision the carrier offers itself to the other bin."""
     stage = Stage(calling_orchard())
     assert answers(stage, 100, ("bin_01", 0), ("bin_02", 50)) == [Offer, No]
@@ -196,7 +196,7 @@ def test_carriers_of_several_lines_free_at_once_get_bins_soon():
     stage.run_until(lambda: len(jobs()) == 4, 85)
 
 
-def test_a_call_that_nobody_answers_is_repeated():
+def test_a_call_that_no_carrier_answers_is_repeated():
     """Bins are full after 40 s. No carrier hears a call before tick 1,700."""
     stage = stage_with(lambda name, agent: HardOfHearing(agent, Call, until=1700))
     stage.run(165)

@@ -62,7 +62,7 @@ def test_places_are_given_all_together_or_not_at_all():
     assert table.reserved == {"a": ["D/1"], "b": []}
 
 
-def test_who_asked_first_is_served_first_and_ties_go_by_name():
+def test_the_first_to_ask_is_served_first_and_ties_go_by_name():
     """Four robots want one place. Each in turn gives it back."""
     table = ReservationTable()
     for name, tick in (("a", 0), ("c", 1), ("b", 1), ("d", 2)):

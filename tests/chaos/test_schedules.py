@@ -48,9 +48,9 @@ def test_runs_with_faults_keep_their_promises(first):
 
 
 def test_the_same_seed_gives_the_same_schedule():
-    one, other = (carry_out(draw(36), is_traced=True) for _ in range(2))
-    assert one.lines == other.lines
-    assert one.seconds == other.seconds
+    first, again = (carry_out(draw(36), is_traced=True) for _ in range(2))
+    assert first.lines == again.lines
+    assert first.seconds == again.seconds
 
 
 @pytest.mark.parametrize("what", sorted(CLIENTS))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from command_line import orchard, scenario_file
-from files_of_others import told_of_others
+from files_of_others import words_of_refusal
 from local_runs import SMALL
 
 from orchard.commands.trace import TRACE, TraceOptions, print_trace
@@ -25,8 +25,8 @@ COMMANDS = {
 @pytest.mark.parametrize("command", COMMANDS)
 def test_no_command_replaces_a_file_of_others(command, tmp_path):
     """The command names the file and ends with code 2, and the file stays."""
-    (written,), told = told_of_others(COMMANDS[command], tmp_path)
-    assert written in told
+    (written,), words = words_of_refusal(COMMANDS[command], tmp_path)
+    assert written in words
 
 
 def test_a_trace_that_was_written_may_be_replaced(tmp_path):

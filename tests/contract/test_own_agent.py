@@ -96,7 +96,7 @@ def asking(endpoint, name):
         client.kill()
 
 
-def test_who_only_drives_begins_with_a_velocity_for_tick_0(fleet):
+def test_a_client_that_only_drives_begins_at_tick_0(fleet):
     """A client that only publishes velocities need not join. Until the first one physics waits."""
     fleet.physics(SMALL, "--duration", "2")
     fleet.host("--without", "picker_01")

@@ -202,7 +202,7 @@ def seconds_with(workers: int, seed: int) -> float:
     return DiscreteHarvest(lay_out(orchard(rows=4, pickers=2, carriers=2, **values))).run().seconds
 
 
-def test_more_people_lengthen_a_harvest_and_nobody_is_free() -> None:
+def test_more_people_lengthen_a_harvest() -> None:
     """Without people no time is lost to them."""
     seeds = range(1, 5)
     means = [fmean(seconds_with(workers, seed) for seed in seeds) for workers in (0, 5, 50)]

@@ -96,10 +96,13 @@ def test_no_picker_is_left_out_while_others_go_on():
     `AHEAD` bins more than another one.
     """
     layout = orchard(rows=36, pickers=3, carriers=1, row_length=30.0)
+    exchanges = list[tuple[int, str]]()
+    for picker, of_picker in DiscreteHarvest(layout).run().exchanges.items():
+        exchanges += [(exchange.tick, picker) for exchange in of_picker]
+    # Picker -> bins so far; and by how many the first picker is ahead of the last one.
     served = Counter[str]()
     ahead = list[int]()
-    exchanges = DiscreteHarvest(layout).run().exchanges
-    for _, picker in sorted((one.tick, name) for name, of_it in exchanges.items() for one in of_it):
+    for _, picker in sorted(exchanges):
         served[picker] += 1
         ahead.append(max(served.values()) - min(served[name] for name in layout.blocks))
     assert set(served.values()) == {12}

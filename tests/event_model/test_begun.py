@@ -324,7 +324,7 @@ def test_other_machines_go_on_where_the_run_does() -> None:
     assert not {tick: off for tick, off in apart.items() if off > NEAR}
 
 
-def test_who_follows_a_carrier_that_turns_off_drives_on() -> None:
+def test_a_carrier_behind_one_that_turns_off_drives_on() -> None:
     """The carrier ahead turns into its line of the queue, and then along the line.
 
     The harvest begins in the second turn.

@@ -99,7 +99,7 @@ def _visit(chances: Random, layout: Layout) -> Visit:
 
 
 def charging_in_simulator(layout: Layout, visits: list[Visit]) -> np.ndarray:
-    """Return who charges in each tick, (ticks, carriers) bool."""
+    """Return whether each carrier charges in each tick, (ticks, carriers) bool."""
     world = World(layout)
     carriers = world.fixed.carriers
     world.charge[carriers] = [visit.charge for visit in visits]
@@ -196,7 +196,7 @@ class ChargersOfModel:
 
 
 def charging_in_model(layout: Layout, visits: list[Visit]) -> np.ndarray:
-    """Return who charges in each tick, (ticks, carriers) bool."""
+    """Return whether each carrier charges in each tick, (ticks, carriers) bool."""
     chargers = ChargersOfModel(layout, visits)
     for tick in range(TICKS):
         chargers.advance(tick)
@@ -210,7 +210,7 @@ def named(layout: Layout, visits: list[Visit]) -> list[tuple[str, Visit]]:
 
 
 def assert_chargers_are_given_alike(seed: int, count: int) -> None:
-    """Compare who charges, tick by tick, in so many random cases."""
+    """Compare which carriers charge, tick by tick, in so many random cases."""
     charged = 0
     for layout, visits in cases(seed, count):
         expected = charging_in_simulator(layout, visits)

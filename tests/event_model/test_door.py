@@ -59,7 +59,7 @@ def test_a_policy_that_breaks_is_told_with_its_place(policy: str) -> None:
     assert own_policies.__file__ in words
 
 
-def test_a_policy_that_sends_nobody_is_a_jam() -> None:
+def test_a_policy_that_sends_no_carrier_is_a_jam() -> None:
     layout = orchard(dispatch="own_policies.Idle")
     with pytest.raises(Jam, match="only 0 bins were delivered: some robots wait for ever"):
         DiscreteHarvest(layout).run().figures()

@@ -302,7 +302,7 @@ def counts_of(**values: object) -> list[int]:
     return [len(block.rows) for block in rows_to_pickers(scenario).values()]
 
 
-def test_rows_by_times_are_fewer_for_who_is_slow_or_away() -> None:
+def test_rows_by_times_are_fewer_for_slow_or_absent_pickers() -> None:
     """A picker that is half as fast as two others gets 12 / 5 = 2.4 rows, so 2. At 1.5 bins an hour
     a row takes 40 min: a picker that is away for 2 h would have picked three rows. One that leaves
     after 2.5 h has three rows done by then.

@@ -78,12 +78,12 @@ def test_a_slanted_block_with_missing_rows_is_harvested(route: str):
 def test_equal_rows_by_survey_are_those_without_one():
     alike = Scenario(rows=4, row_length=42.5, seed=3)
     surveyed = [{"id": str(i), "south": 5.5 * i, "start": 0.0, "length": 42.5} for i in range(4)]
-    one = lay_out(alike)
+    plain = lay_out(alike)
     other = lay_out(check({"rows": 4, "row_length": 42.5, "seed": 3, "survey": {"rows": surveyed}}))
-    assert other.lanes == one.lanes
-    assert other.lines == one.lines
-    assert other.starts == one.starts
-    assert (other.walls == one.walls).all()
+    assert other.lanes == plain.lanes
+    assert other.lines == plain.lines
+    assert other.starts == plain.starts
+    assert (other.walls == plain.walls).all()
 
 
 @pytest.mark.parametrize(("route", "rule"), [(ONE_WAY, "balanced"), (TWO_WAY, "balanced-ends")])

@@ -52,7 +52,7 @@ def steps(env, infos, count):
     """Let an environment do some steps as the built-in agents would. Return what it answers, as
     text of all bits, and the infos of the last step.
     """
-    told = []
+    answers = []
     for _ in range(count):
         # An environment of one robot has the info itself, one of several a map of them.
         info = infos.get(CARRIER, infos)
@@ -62,8 +62,8 @@ def steps(env, infos, count):
         several = hasattr(env, "possible_agents")
         answered = env.step({CARRIER: action} if several else action)
         infos = answered[-1]
-        told.append(repr(answered[:-1]))
-    return told, infos
+        answers.append(repr(answered[:-1]))
+    return answers, infos
 
 
 @pytest.mark.parametrize("how", COPIES)

@@ -147,7 +147,7 @@ def test_an_episode_without_any_carrier_sent_is_truncated(longest, until):
         env.step(0)
 
 
-def test_an_action_that_the_mask_forbids_sends_nobody():
+def test_an_action_that_the_mask_forbids_sends_no_carrier():
     env = dispatch_env(SMALL)
     _, info = env.reset()
     forbidden = int(np.flatnonzero(info["action_mask"] == 0)[0])

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 import pytest
-from files_of_others import told_of_others
+from files_of_others import words_of_refusal
 from made_studies import by_carriers
 
 from orchard.report.summary import SUMMARY, write_summary
@@ -18,8 +18,8 @@ from orchard.study.report import save as save_report
 from orchard.study.table import save_csv
 from orchard.terminal.files import check_writable
 
-# A word with a space is an option and the file that it names, as `told_of_others` takes them. Other
-# options stand in words of their own.
+# A word with a space is an option and the file that it names, as `words_of_refusal` takes them.
+# Other options stand in words of their own.
 COMMANDS = {
     "study": (
         "study",
@@ -46,10 +46,10 @@ COMMANDS = {
 def test_no_study_replaces_a_file_of_others(command, tmp_path):
     """It is told before the work begins, and the file stays.
 
-    `told_of_others` puts files of a user where the command would write. It returns their names, and
+    `words_of_refusal` puts files of a user where the command would write. It returns their names, and
     what the command says.
     """
-    written, told = told_of_others(COMMANDS[command], tmp_path)
+    written, told = words_of_refusal(COMMANDS[command], tmp_path)
     # A study names all these files at once, and the others name the first.
     expected = written if command == "study" else written[:1]
     assert [name for name in written if name in told] == expected

@@ -309,8 +309,9 @@ class Browser:
     @contextmanager
     def frozen(self) -> Iterator[None]:
         """Keep the page too busy to hear or say anything within this context."""
-        all_of_it = psutil.Process(self.driver.service.process.pid).children(recursive=True)
-        pages = [process for process in all_of_it if "--type=renderer" in process.cmdline()]
+        # Chromium draws pages in processes of their own, its renderers.
+        processes = psutil.Process(self.driver.service.process.pid).children(recursive=True)
+        pages = [process for process in processes if "--type=renderer" in process.cmdline()]
         for page in pages:
             page.suspend()
         try:

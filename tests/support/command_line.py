@@ -68,16 +68,17 @@ def line_with(words: str, process: subprocess.Popen | Forked) -> str:
 
     It prints other lines before, such as that it compiles.
     """
-    said = []
+    lines = []
     for line in process.stdout:
-        said.append(line)
+        lines.append(line)
         if words in line:
             return line
-    raise AssertionError(f"it never said {words!r}, but {''.join(said)}")
+    raise AssertionError(f"it never said {words!r}, but {''.join(lines)}")
 
 
 @contextmanager
 def running(*arguments: object):
+    """Start `orchard`, and wait for its first line of progress. It is ended after the context."""
     with starting(*arguments) as process:
         line_with("real time", process)
         yield process
@@ -85,6 +86,7 @@ def running(*arguments: object):
 
 @contextmanager
 def starting(*arguments: object):
+    """Start `orchard` as a user types it. All processes of it are ended after the context."""
     process = Forked("run", [*map(str, arguments)], os.environ | {"PYTHONPATH": PATH}, leads=True)
     try:
         yield process

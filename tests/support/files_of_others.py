@@ -17,7 +17,7 @@ OTHERS = {
 }
 
 
-def told_of_others(command: Sequence[object], folder: Path) -> tuple[list[str], str]:
+def words_of_refusal(command: Sequence[object], folder: Path) -> tuple[list[str], str]:
     """Let a command write into files of a user. Return their names, and what the command says.
 
     `command`: its words. A word with a space is an option and a name of `OTHERS`, which is made

@@ -123,10 +123,10 @@ class Forked:
             raise ValueError("it was read to its end before")
         # Both files are read at once: a process whose pipe is full would wait for its reader.
         with self.stdout, self.stderr, ThreadPoolExecutor(2) as readers:
-            said = [readers.submit(file.read) for file in (self.stdout, self.stderr)]
+            out, err = (readers.submit(file.read) for file in (self.stdout, self.stderr))
             try:
                 self.wait(timeout)
-                return said[0].result(timeout), said[1].result(timeout)
+                return out.result(timeout), err.result(timeout)
             except (TimeoutError, subprocess.TimeoutExpired):
                 # Otherwise its pipes stay open, and the readers never end.
                 self.kill()

@@ -19,7 +19,7 @@ from orchard.sim.world import World
 
 # m: what is so near to the edge of a box is on it.
 TOUCH = 1e-9
-# The wall of a world without walls, which must have one: nobody comes there, or sees it.
+# The wall of a world without walls, which must have one: no body comes there, and no laser sees it.
 FAR_AWAY = (1000.0, 1000.0, 0.25, 0.25)
 # y of row 1's centre line, from row to row, and between the trees of a row, m: the default ones.
 FIRST_LANE = 10.75

@@ -39,7 +39,10 @@ class PassingInbox(VirtualInbox):
         self._pass_on(item)
 
     def put_quietly(self, item: Item) -> None:
-        """Pass it on at once too: nobody reads this inbox, who could be left asleep."""
+        """Pass an item on at once, too.
+
+        In a real inbox it would wait there, and wake no reader. This inbox has no reader.
+        """
         self._pass_on(item)
 
 

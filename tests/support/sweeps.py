@@ -47,7 +47,8 @@ class Sweep:
     places: frozenset[str]
     # The places of these that it shares with no carrier of its own.
     alone: frozenset[str]
-    # Whether the carrier has handed its empty bin over, and the picker has taken it.
+    # Of a carrier: whether it has left its empty bin for the picker. Of a picker: whether it has
+    # taken that.
     has_swapped: bool
     # Whether a carrier has coupled the full bin.
     has_bin: bool
@@ -56,14 +57,14 @@ class Sweep:
     # The road that a carrier is on, and the one before.
     roads: frozenset[Road]
     # x and y where it begins, m.
-    line: tuple[float, float]
+    begin: tuple[float, float]
     # x and y where it ends, m.
     end: tuple[float, float]
     # (n, 5): x, y, half length, half width (m), yaw (rad).
     boxes: np.ndarray
 
     def __str__(self) -> str:
-        at = f"({self.line[0]:.2f}, {self.line[1]:.2f})"
+        at = f"({self.begin[0]:.2f}, {self.begin[1]:.2f})"
         to = f"({self.end[0]:.2f}, {self.end[1]:.2f})"
         held = ", ".join(sorted(self.places)) or "nothing"
         return f"{self.robot} {self.what} {self.heading} {at} to {to} with {held}"
@@ -113,7 +114,7 @@ class SweepingWalk(Walk):
                 row=self.row,
                 heading=self.heading,
                 roads=frozenset(self.roads),
-                line=(self.x, self.y),
+                begin=(self.x, self.y),
                 end=end or (self.x, self.y),
                 boxes=boxes,
             )

@@ -62,6 +62,7 @@ def test_a_slider_moves_its_field(browser):
 
 
 def test_a_plan_of_many_rows_is_shown_as_wide_as_the_page(browser):
+    """As a whole its rows would be too thin to see. So it is as wide as the page, and scrolls."""
     browser.fill("rows", 100)
     browser.wait_until(lambda: browser.tree_lines() == 101, "a plan of 100 rows")
     browser.wait_until(

@@ -208,6 +208,7 @@ def test_a_run_is_seen_live(small):
 
 
 def test_a_run_that_is_stopped_at_once_is_no_mistake(small):
+    """Its process may be stopped before it has made any file. The next run is as any other."""
     small.press("run")
     small.press("stop")
     small.wait_for_state("stopped")
@@ -256,6 +257,7 @@ def test_a_busy_browser_sees_the_end_of_a_run(small, server):
 
 
 def test_a_run_is_still_there_after_a_reload_and_can_be_stopped(small):
+    """A field whose value is not that of the run is marked while that goes on."""
     small.press("run")
     small.wait_for_state("running")
     small.wait_until(

@@ -142,6 +142,9 @@ def test_what_others_have_written_is_shown_as_text(listed):
 
 
 def test_a_link_holds_the_scenario(browser, server):
+    """A link replaces the scenario only after the user has agreed. Then it leaves the address, so
+    that a reload keeps what was entered since.
+    """
     browser.fill("rows", 8)
     browser.wait_until(lambda: browser.tree_lines() == 9, "a plan of 8 rows")
     browser.press("link")
@@ -342,6 +345,7 @@ def reload_keeps_what_was_entered(page):
 
 
 def test_a_study_is_asked_grows_answers_and_leads_to_a_run(browser):
+    """A small orchard is studied with a price, after a wrong budget; then a study takes long."""
     page = browser
     for path, value in {"rows": 3, **EMPTY}.items():
         page.fill(path, value)
@@ -419,6 +423,7 @@ def stop_a_long_study(page):
 
 
 def test_a_deadline_is_entered_and_the_fleet_is_told(browser):
+    """The answer has the time that the fleet takes, and the deadline of 1 h."""
     page = browser
     for path, value in {"rows": 3, **EMPTY}.items():
         page.fill(path, value)

@@ -38,6 +38,7 @@ def test_a_spacing_is_a_width_and_the_trees(spacing):
 
 
 def test_the_page_has_spacing_where_the_scenario_has_a_width():
+    """The spacing is the width of a row and 0.5 m, the thickness of the trees."""
     entry = entries()["row_width"]
     assert entry.label == "Spacing of rows"
     assert entry.limits == "3.65 to 12.5 m, from tree to tree"

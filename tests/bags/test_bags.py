@@ -55,6 +55,9 @@ def exported(recorded, tmp_path_factory):
 
 
 def test_the_velocities_in_a_bag_have_the_bits_of_the_run(recorded, exported):
+    """The odometry of a tick is measured at its end; the command that led to it is stamped with the
+    tick before.
+    """
     index = lay_out(SMALL).index
     for name in ROBOTS:
         body = index[name]
@@ -160,6 +163,7 @@ def test_a_gap_is_told_and_is_a_gap_in_the_bag(tmp_path):
 
 
 def test_a_torn_recording_gives_the_bag_of_what_is_left(recorded, tmp_path, capfd):
+    """A recorder that is killed leaves a file whose end is missing."""
     whole = recorded[0].read_bytes()
     (tmp_path / "run.rrd").write_bytes(whole[: len(whole) * 3 // 4])
     assert export_bag(tmp_path / "run.rrd", tmp_path / "run.mcap", [], False) == 0

@@ -75,6 +75,7 @@ def test_a_bag_gives_the_hash_of_its_run_again(bag):
 
 
 def test_the_velocities_of_a_bag_count_not_the_agents(bag):
+    """The agent would drive at 1 m/s."""
     # 0.25 m/s for 10 ticks of 0.1 s.
     in_the_bag = {tick: Twist(0.25) for tick in range(10, 20)}
     until_then = driven(Commands(None, {}), 10)
@@ -119,6 +120,9 @@ def test_a_stamp_of_zero_is_no_stamp(tmp_path):
 
 
 def test_the_newest_stamp_counts_where_messages_changed_places(tmp_path):
+    """Two velocities count from tick 7 on: one stamped at tick 7, and one stamped 1 ns before,
+    which was recorded after it.
+    """
     old = messages.velocity("picker_01", 7, 0.5, 0.0)
     old.fields["header"].fields["stamp"].fields["nanosec"] -= 1
     new = messages.velocity("picker_01", 7, 0.25, 0.0)
@@ -158,6 +162,7 @@ def test_a_bag_of_the_wall_clock_can_begin_at_its_first_stamp(tmp_path, kind):
 
 
 def test_the_first_stamp_of_all_robots_is_the_beginning(tmp_path):
+    """It becomes tick 0. A stamp 1 ns after 3 ticks later counts from the fourth tick on."""
     later = messages.velocity("picker_02", TODAY + 4, 0.25, 0.0)
     later.fields["header"].fields["stamp"].fields["nanosec"] += 1
     first = messages.velocity("picker_01", TODAY + 1, 0.25, 0.0)

@@ -35,6 +35,7 @@ def charging(battery: dict | None = None, **changes) -> Scenario:
 @pytest.mark.parametrize("route", ["one-way", "two-way"])
 @pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
 def test_carriers_charge_after_their_job_and_share_the_charger(route, dispatch):
+    """There are two carriers, one charger and four bins."""
     stage = Stage(charging(route=route, dispatch=dispatch))
     carriers = stage.world.fixed.carriers
     most_plugged = 0
@@ -136,6 +137,9 @@ def before_charging() -> Snapshot:
 
 
 def test_holds_change_nothing_when_carriers_charge(caplog):
+    """A hold is the time for which an agent says that its velocity stands. Agents that are asked at
+    each tick all the same give the same hash, and none is found to hold wrongly.
+    """
     for holds in (CheckedHolds, IgnoredHolds):
         local = Local.resume(before_charging(), holds=holds)
         assert "driving to the chargers" not in {

@@ -164,6 +164,9 @@ def test_a_bin_that_calls_again_says_since_when_it_has_called():
 @pytest.mark.soak
 @pytest.mark.parametrize("dispatch", ["nearest", "orchard.dispatch.ranking.Nearest"])
 def test_soak_the_bins_are_served_in_the_order_of_their_calls(dispatch):
+    """There is one carrier for four pickers, so bins wait. `since`: the tick since which a bin
+    calls, -1 if it does not. `coming`: a carrier is on its way to it.
+    """
     stage = Stage(Scenario(rows=6, pickers=4, carriers=1, seed=2003, dispatch=dispatch))
     # Of each job: since when its bin had called, and its name.
     jobs: list[tuple[int, str]] = []

@@ -194,6 +194,9 @@ def test_with_spread_and_failures_the_seed_matters():
 
 
 def test_holds_change_nothing_when_robots_fail_and_rows_differ(caplog):
+    """A hold is the time for which an agent says that its velocity stands. Agents that are asked at
+    each tick all the same give the same hash, and none is found to hold wrongly.
+    """
     scenario = varied(rows_to_pickers="balanced-ends")
     expected = local_hash(scenario, SHORT, holds=Lookahead)
     assert local_hash(scenario, SHORT, holds=CheckedHolds) == expected
@@ -202,6 +205,7 @@ def test_holds_change_nothing_when_robots_fail_and_rows_differ(caplog):
 
 
 def test_an_agent_made_anew_during_a_failure_changes_nothing():
+    """All agents are made anew from their memories every second in which some robot has failed."""
     run = Local(varied())
     restarts = 0
     for tick in range(SHORT):

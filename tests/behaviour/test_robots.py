@@ -28,6 +28,7 @@ def test_pickers_pick_their_lane_from_its_head_to_its_end():
 
 
 def test_pickers_stop_for_an_obstacle_until_it_has_moved():
+    """A worker stands at x = 0 in the row of picker_01, and then walks off to the north."""
     stage = Stage(empty_orchard(people=People(workers=1, visitors=0)), worker_01=Standing())
     stage.put("worker_01", 0.0, stage.world.layout.lane(1).y, "NORTH")
     stage.tick()
@@ -69,6 +70,7 @@ def test_pickers_ask_for_the_roads_before_they_must_stop(speed):
 
 
 def test_carriers_line_up_in_a_queue_at_the_top_right():
+    """For five pickers there are four carriers. The first one stands at the head, y = 24.5 m."""
     stage = Stage(empty_orchard(rows=5, pickers=5))
     xs = [stage.pose(f"carrier_0{i}")[0] for i in (1, 2, 3, 4)]
     assert xs[0] == stage.world.layout.queue.head
@@ -116,6 +118,7 @@ class Asker:
 
 
 def test_bins_tell_whether_they_are_full_and_on_whom():
+    """`fill` is in metres of row: 0.1 m after the first tick, and the whole row of 70 m."""
     asker = Asker()
     stage = Stage(
         empty_orchard(people=People(workers=1, visitors=0), dispatch=NEAREST), worker_01=asker
@@ -138,6 +141,7 @@ def test_a_bin_without_a_memory_forecasts_by_the_mean_speed():
 
 
 def test_the_tractor_drives_twenty_metres_waits_and_turns_about():
+    """It drives on its track, from x = -45 m to -25 m and back, and is loaded for 5 s."""
     stage = meadow(tractor=True)
     stage.assert_at("tractor_01", -45.0, 29.0, "EAST")
     stage.tick()

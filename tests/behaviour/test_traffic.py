@@ -250,6 +250,7 @@ def large_scenario(number: int) -> Scenario:
 
 
 def test_a_full_queue_closes_up_and_serves_from_its_head():
+    """Thirty carriers stand in ten lines of three. Three of them fetch the three bins."""
     stage = Stage(empty_orchard(rows=3, pickers=3, carriers=30, row_length=30.0, dispatch=NEAREST))
     stage.run_until(lambda: len(stage.happened("row picked")) == 3, 80)
     stage.run_to_the_end()
@@ -328,6 +329,7 @@ def lanes_touched(stage: Stage, carrier: str) -> list[tuple[str, str, int]]:
     [(5, 3, 5.0, ONE_WAY), (4, 2, 9.0, ONE_WAY), (5, 3, 5.0, TWO_WAY)],
 )
 def test_a_carrier_on_a_road_has_every_place_it_is_in(rows, pickers, row_width, route):
+    """It is looked at in each tick of a harvest. A place is named SIDE/ROAD/LANE."""
     stage = Stage(
         empty_orchard(rows=rows, pickers=pickers, row_width=row_width, carriers=4, route=route)
     )

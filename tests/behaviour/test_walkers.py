@@ -174,6 +174,7 @@ def test_a_weed_asks_only_for_what_can_flatten_it():
 
 
 def test_weeds_stay_for_what_stands_still_or_passes_further_off():
+    """worker_01 passes weed_01; worker_02 stands beside weed_02, 0.25 m from edge to edge."""
     stage = Stage(
         empty_orchard(weeds=2, people=People(workers=2, visitors=0)),
         worker_01=Driven(Twist(x=1.0)),

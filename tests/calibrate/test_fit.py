@@ -51,6 +51,9 @@ def log_of(truth: Scenario, days: int = 1) -> list[LoggedBin]:
 
 @pytest.mark.parametrize("seed", range(1, 5))
 def test_known_rates_come_back_within_their_intervals(seed):
+    """The rate, both spreads, the speed of carriers and the time to unload are drawn at random, and
+    a harvest of the event model with them is logged.
+    """
     draw = np.random.default_rng(seed)
     truth = with_changes(
         KNOWN,
@@ -84,6 +87,9 @@ def test_known_rates_come_back_within_their_intervals(seed):
 
 
 def test_the_log_of_the_simulator_gives_its_rate_back(tmp_path):
+    """The log is written to a file and read again. The scenario beside it has another rate, 20,
+    than the true one of 12 bins an hour.
+    """
     truth = Scenario(
         rows=6,
         row_length=60.0,
@@ -111,6 +117,7 @@ def test_the_log_of_the_simulator_gives_its_rate_back(tmp_path):
 
 
 def test_a_last_day_of_the_same_kind_is_as_predicted():
+    """Of a log of three days the first two are fitted; the fit predicts the rate of the third."""
     truth = with_changes(KNOWN, rows=12, pickers=4, picking_rate=2.0, seed=3)
     truth = with_changes(
         truth, picking={"spread": {"distribution": "lognormal", "cv": 0.2}}, picker_rates=CREW
@@ -212,6 +219,7 @@ def test_rows_that_the_scenario_lacks_are_told_by_line(tmp_path):
 
 
 def test_drives_of_no_time_are_told_and_left_out():
+    """Nine of ten bins are unloaded in the second in which they are fetched, one a minute later."""
     day = date(2026, 4, 14)
     bins = []
     for number in range(9):
@@ -227,6 +235,9 @@ def test_drives_of_no_time_are_told_and_left_out():
 
 
 def test_a_day_of_nothing_but_a_silence_is_no_test():
+    """Two pickers have two bins each at 0 s, and two each at 9,000 s. If the log was silent in
+    between, no interval from bin to bin is left, of 8 that a test needs.
+    """
     day = date(2026, 4, 15)
     bins = [LoggedBin(f"P{number % 2}", "", "", day, 0.0, None, None) for number in range(4)]
     bins += [LoggedBin(of_day.picker, "", "", day, 9000.0, None, None) for of_day in bins]
@@ -267,6 +278,7 @@ def test_a_time_in_the_bay_is_never_less_than_none():
 
 
 def test_a_last_day_of_one_picker_is_no_test():
+    """It has nine bins, ten minutes apart: enough of them."""
     bins = [LoggedBin("Ana", "1", "", date(2026, 4, 15), 600.0 * n, None, None) for n in range(9)]
     assert why_untested(bins, [], 8) == (
         "the last day has one picker, and a harvest of the model 2 at least: no test"
@@ -297,6 +309,7 @@ def crew_log(pickers: int, rows: int = 0, bins: int = 8) -> list[LoggedBin]:
     [(5, 0, 8), (8, 0, 8), (0, 5, 18), (3, 6, 45), (2, 8, 2)],
 )
 def test_a_log_without_a_scenario_is_fitted(pickers, rows, bins):
+    """An orchard is assumed that has as many pickers, rows and bins as the log."""
     logged = crew_log(pickers, rows, bins)
     log = BinLog("log.csv", [], frozenset(), [])
     orchard = orchard_of(log, logged, None)
@@ -335,6 +348,9 @@ def test_a_fault_of_the_scenario_is_told_with_its_file():
 
 
 def test_rows_that_are_picked_each_day_are_no_longer_for_it():
+    """The same six rows of five bins are picked on twelve days. Without a scenario the orchard is
+    assumed, with rows of 70 m; and a row has the bins of one day, not of twelve.
+    """
     bins = []
     for day in range(14, 26):
         for bin_ in crew_log(3, rows=6, bins=5):

@@ -87,6 +87,7 @@ def test_physics_killed_while_writing_leaves_half_a_file():
 
 
 def test_a_large_payload_takes_longer_and_the_next_one_waits():
+    """Links carry a megabyte a second, and take 1 ms for each message."""
     arrived = {}
     scheduler = Scheduler()
     network = Network(scheduler, "", Delays(1e-3, share=0.0, bytes_per_second=1e6))

@@ -347,4 +347,7 @@ def test_advice_that_drives_for_too_long_is_found():
     ],
 )
 def test_physics_goes_one_snapshot_back_and_no_more(tick, kept, torn, words):
+    """It goes on from its newest snapshot. If that is torn, it goes on from the one before; if that
+    is torn too, it begins anew, at tick 0.
+    """
     assert wrong_begin(tick, kept, torn) == words

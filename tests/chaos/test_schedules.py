@@ -289,6 +289,9 @@ def test_a_harvest_whose_physics_dies_at_its_end_is_over(monkeypatch, delay):
 
 @pytest.mark.parametrize("delay", [0.005, 0.01, 0.02, 0.05])
 def test_a_request_to_end_during_a_reset_is_not_forgotten(delay):
+    """A host hears of the reset late, for its link is silent. Meanwhile run.py is killed, and the
+    run asked to end.
+    """
     verdict = carry_out(
         plan(
             Fault("silence", OTHER, 20, 0.0, 0.3),
@@ -309,6 +312,7 @@ RESET_AND_FULL = {
 
 
 def test_a_reset_that_the_death_of_physics_would_undo_is_refused():
+    """The disk is full, so no snapshot would know of the reset; and then physics is killed."""
     faults = (
         Fault("full disk", PHYSICS, 50, 0.0, 500.0),
         Fault("reset", CLIENT, 100, 0.04),

@@ -170,6 +170,7 @@ def test_what_the_users_own_program_sets_changes_no_hash():
 
 
 def test_the_first_lines_are_shown_and_the_rest_is_left_out():
+    """A line may be printed in parts. Of it 200 characters are shown, and no escape sequence."""
     lines = []
     stream = Printed(lines.append)
     for words in ("one", " \x1b[2J\ntwo\n", "x" * 300 + "\n", "a\n" * 100, "b\n" * 10**6):

@@ -159,6 +159,7 @@ def test_a_class_of_the_scenario_drives_alike_in_every_mode(fleet):
 
 
 def test_a_mistake_of_one_agent_changes_no_other_in_any_mode(fleet):
+    """`Mischief` makes another mistake every second tick, and goes on in between."""
     own = driven_by(picker_01="Mischief")
     ticks = 2 * len(own_agents.MISCHIEF)
     local = played(own, ticks)

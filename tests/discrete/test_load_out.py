@@ -133,6 +133,7 @@ def test_soak_both_models_agree_about_thirty_load_outs() -> None:
 
 @pytest.mark.parametrize("chargers", [1, 2])
 def test_both_models_agree_about_batteries_and_a_load_out(chargers: int) -> None:
+    """Carriers use their batteries on the way to the load-out, so they charge often."""
     layout = small(
         rows=6,
         pickers=3,

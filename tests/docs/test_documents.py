@@ -269,6 +269,9 @@ def run_in(folder, command):
 
 @pytest.mark.parametrize("step", [step for step in STEPS if "machine" not in step])
 def test_a_step_of_the_tutorial(step, tmp_path):
+    """Its blocks are done in their order: a block with a name is a file, one of text is the output
+    of the program before it.
+    """
     output = ""
     for part in STEPS[step]:
         if part.name:

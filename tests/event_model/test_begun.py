@@ -200,6 +200,7 @@ def test_each_tick_of_the_first_orders_is_a_moment(dispatch: str) -> None:
 
 
 def test_a_robot_under_repair_is_repaired_in_the_harvest() -> None:
+    """Robots fail each minute, so at some of these moments one is being repaired."""
     failures = {"failure": {"mean_between": 60.0, "mean_repair": 60.0}}
     layout = lay_out_small(picking=failures, carrying=failures, dispatch="predictive", seed=5)
     run = Local(layout.scenario, is_hashed=False)

@@ -66,6 +66,7 @@ def test_a_harvest_sees_jobs_that_another_has_translated() -> None:
 
 
 def test_harvests_in_threads_that_share_a_program_are_the_same() -> None:
+    """Eight harvests begin with one program that has no jobs yet, and run in four threads."""
     values = NOBODY | {"rows": 12, "pickers": 6, "carriers": 6, "dispatch": "nearest"}
     layouts = [lay_out(Scenario(**values, row_length=29.0, seed=seed)) for seed in range(8)]
     alone = [figures(EventHarvest(layout).run()) for layout in layouts]

@@ -37,6 +37,7 @@ def test_the_default_file_says_exactly_the_defaults() -> None:
 def test_a_hectare_of_kiwifruit_fills_the_bins_of_its_yield(
     name: str, tonnes: float, rate: float, bins: int
 ) -> None:
+    """`tonnes` a hectare of 10,000 m2; a bin has 350 kg. `rate`: bins an hour of a picker."""
     hectare = load(CONFIG / f"{name}.yaml")
     assert hectare.rows * hectare.row_length * hectare.row_pitch == pytest.approx(10_000, rel=0.01)
     assert hectare.chosen["picking_rate"] == pytest.approx(rate)
@@ -216,11 +217,15 @@ def test_numbers_are_written_in_any_usual_way(text: str, speed: float) -> None:
 def test_yield_and_rate_in_a_growers_units_give_metres_and_speed(
     length, width, tonnes, kilograms, rate
 ):
+    """Sizes in m, tonnes a hectare, kilograms a bin, bins an hour. And the same orchard in bins a
+    row and m/s has the same values.
+    """
     crop = {"tonnes_per_hectare": tonnes, "kilograms_per_bin": kilograms}
     sizes = {"row_length": length, "row_width": width}
     # The ground of a row, with half of the trees on each side, and the bins that it fills.
     hectares = length * (width + 0.5) / 10_000
     bins = 1000 * tonnes * hectares / kilograms
+    # A scenario allows bins that fill in 5 to 400 m of row, and at most 40 bins a row.
     assume(5.0 <= length / bins <= 200.0)
     grower = Scenario(**sizes, crop=crop, picking_rate=rate)
     assert grower.bin_metres == pytest.approx(length / bins)

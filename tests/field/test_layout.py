@@ -292,12 +292,16 @@ def test_the_given_places_are_kept_for_those_they_are_given_to() -> None:
 @settings(max_examples=30)
 @given(rows=st.integers(3, 20), width=st.floats(5.0, 12.0))
 def test_the_field_is_as_high_as_the_manual_says(rows: int, width: float) -> None:
+    """Rows, lines of trees, and 41 m of free ground together. Its north end is at y = 34 m."""
     height = width * rows + 0.5 * (rows + 1) + 41.0
     assert lay_out(Scenario(rows=rows, row_width=width)).bottom == pytest.approx(34.0 - height)
 
 
 @pytest.mark.parametrize(("rows", "width"), [(3, 5.0), (5, 5.0), (20, 12.0), (7, 6.4)])
 def test_trees_and_lanes_lie_where_the_reference_puts_them(rows: int, width: float) -> None:
+    """The first line of trees is at y = 13.5 m, the others follow to the south, with the width of a
+    row and 0.5 m of trees from each to the next. 21 m are free south of the last one.
+    """
     layout = lay_out(Scenario(rows=rows, row_width=width))
     lines = [13.5 - i * (width + 0.5) for i in range(rows + 1)]
     assert layout.tree_lines == pytest.approx(lines)
@@ -322,6 +326,9 @@ def test_every_line_has_twelve_trees_and_eleven_posts() -> None:
 
 
 def test_fences_are_a_metre_thick_and_close_the_field() -> None:
+    """The first four walls are the fences: boxes (x, y, half length, half width). The fences in the
+    north and south reach over the ends of the other two.
+    """
     layout = lay_out(Scenario())
     north, south, west, east = layout.walls[:4]
     assert north[1] - north[3] == 33.5
@@ -352,6 +359,7 @@ def test_the_driveway_and_the_bay_are_in_the_top_left_corner() -> None:
 # Its second picker starts in the east.
 @example(Scenario(rows=4, pickers=2))
 def test_robots_start_with_their_bins_behind_them(scenario: Scenario) -> None:
+    """A picker starts at the west end of its first row, x = -35.5 m, or east of it, at 41 m."""
     layout = lay_out(scenario)
     for start in of(layout, "picker", "carrier"):
         behind = layout.starts[layout.index[start.bin]]

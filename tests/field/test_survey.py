@@ -76,6 +76,7 @@ def test_a_slanted_block_with_missing_rows_is_harvested(route: str):
 
 
 def test_equal_rows_by_survey_are_those_without_one():
+    """By default rows are 5.5 m apart."""
     alike = Scenario(rows=4, row_length=42.5, seed=3)
     surveyed = [{"id": str(i), "south": 5.5 * i, "start": 0.0, "length": 42.5} for i in range(4)]
     plain = lay_out(alike)
@@ -198,6 +199,7 @@ def test_an_impossible_survey_is_refused_with_row_and_limit(change: dict, words:
 
 
 def test_all_faults_are_told_at_once_with_their_lines():
+    """A row is too short, one has no `south`, a key is unknown, and there are no pickers."""
     text = (
         to_short_yaml(orchard_of(UNEQUAL))
         .replace("length: 29.0", "length: 2")

@@ -53,6 +53,7 @@ def test_without_a_good_or_a_bad_moment_nothing_is_searched():
 
 
 def test_the_answer_says_between_which_moments_it_is_decided():
+    """600 ticks are 1:00 min. The last good moment is at 600, the first bad one at 605."""
     words = decision_words("jam", searched(600, [0, 600, 605])[0])
     assert words == (
         "jam: decided after 1:00: some of 2 futures end well from there, and none from 1:00.5."
@@ -81,6 +82,7 @@ def test_a_future_ends_badly_by_its_condition(condition, figures, is_bad):
 
 
 def test_futures_are_compared_in_pairs_that_are_both_harvested():
+    """Two pairs end 10 s earlier with the change. The third one does not count: a future jams."""
     before = [future(sim_seconds=600.0), future(sim_seconds=700.0), future("jammed")]
     changed = [future(sim_seconds=590.0), future(sim_seconds=690.0), future(sim_seconds=1.0)]
     assert difference_words("carriers=2", before, changed) == (

@@ -156,6 +156,9 @@ def test_the_end_of_an_episode_is_told_in_the_same_step():
 
 
 def test_a_mask_names_the_orchards_that_begin_anew():
+    """Episodes are cut at tick 3,000, and do not begin anew by themselves. Of two that are over
+    only the second one is reset.
+    """
     env = dispatch_vec_env(SMALL, 2, longest=3000, autoreset_mode="Disabled")
     env.reset(seed=[3, 4])
     ended = np.zeros(2, np.bool_)
@@ -261,6 +264,7 @@ def test_more_draws_than_there_is_room_for_are_made_room_for(monkeypatch):
 
 
 def test_seeds_are_those_of_gymnasium():
+    """A seed 4 of three orchards is 4, 5 and 6. The episodes after that follow from it."""
     env = dispatch_vec_env(SMALL, 3)
     first, _ = env.reset(seed=4)
     listed, _ = env.reset(seed=[4, 5, 6])

@@ -40,6 +40,7 @@ class Caller:
         memory.heard += len(mail.requests)
         memory.replies += sum(reply.body is not None for reply in mail.replies)
         memory.unanswered += sum(reply.body is None for reply in mail.replies)
+        # Any message would do as an answer. One of three requests gets none.
         state = BinState(True, float(memory.heard), self.name)
         answers = [
             (heard, state) for heard in mail.requests if self._draw(heard.sender, seen.tick) % 3

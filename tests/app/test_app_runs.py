@@ -71,6 +71,7 @@ def shown_charts(page):
 
 
 def test_a_small_orchard_is_run_to_its_end(small, server):
+    """Its result is shown in a sentence and a few figures, and its recording in the viewer."""
     small.switch("fastest", True)
     run_to_its_end(small, server[1])
     result = small.wait_until(lambda: small.view("result").text, "the result")

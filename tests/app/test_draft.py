@@ -21,6 +21,7 @@ def test_the_page_asks_for_every_value_of_a_scenario():
 
 
 def test_limits_and_steps_come_from_the_schema():
+    """The schema of the scenario has the limits and units that the page shows."""
     rows = entries()["rows"]
     assert rows.low == 3
     assert rows.high == 100

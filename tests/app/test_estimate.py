@@ -22,6 +22,7 @@ def test_the_first_harvest_gives_a_first_answer():
 
 
 def test_harvests_that_are_nearly_the_same_need_few():
+    """Three are too few, however alike; a fourth one suffices."""
     estimate = FleetEstimate(EVEN, [FastHarvest(bins_per_hour=9.0, seconds=100.0)] * 3)
     assert not estimate.is_done
     estimate.samples.append(FastHarvest(bins_per_hour=9.01, seconds=100.0))

@@ -104,6 +104,7 @@ def assert_every_bin_is_taken_once(stage: Stage, rows: int = 3) -> None:
 
 
 def test_the_nearest_carrier_by_road_is_sent():
+    """It is the head of the line from which the way is shortest."""
     stage = Stage(calling_orchard(rows=3, pickers=2, carriers=25, row_length=70.0))
     stage.run_until(lambda: bool(exchanges(stage)), 200)
     first, _ = exchanges(stage)[0]
@@ -221,6 +222,7 @@ def test_a_carrier_that_does_not_answer_is_given_up():
 
 
 def test_a_bin_whose_carrier_refuses_calls_again_at_once():
+    """`asked`: the tick of its last letter to a carrier. It is put back until a call is due."""
     bin_ = Bin(lay_out(calling_orchard()), "bin_01")
     memory = BinMemory(carrier="carrier_01", asked=98)
     refusal = Reply("carrier_01", 0, Come(1, "east", "picker_01"), No("on another job"))

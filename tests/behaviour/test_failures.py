@@ -149,6 +149,7 @@ def test_a_step_before_a_failure_is_not_the_picking_speed():
 
 
 def test_a_picker_that_waits_long_for_its_repair_is_no_jam():
+    """A repair takes two hours on average. One of the two takes longer than twice JAM_SECONDS."""
     stage = Stage(empty_orchard(picking={"failure": {"mean_between": 60.0, "mean_repair": 7200.0}}))
     repairs = [failure(1, f"picker_0{n}", 0, 60.0, 7200.0)[1] for n in (1, 2)]
     assert max(repairs) > 2 * JAM_SECONDS

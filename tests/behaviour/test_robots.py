@@ -157,6 +157,7 @@ def test_the_tractor_drives_twenty_metres_waits_and_turns_about():
 
 
 def test_the_tractor_stops_for_an_obstacle_until_it_moves():
+    """A worker stands on its track, at x = -35 m, and then walks off to the north."""
     stage = meadow(tractor=True, people=People(workers=1, visitors=0))
     stage.local.agents["worker_01"] = Standing()
     stage.put("worker_01", -35.0, 29.0, "NORTH")

@@ -107,6 +107,7 @@ def test_nearest_harvests_alike_through_the_dispatcher():
 
 
 def test_rows_follow_the_rule_that_is_named():
+    """A rule may return a Block for each picker, or only the numbers of its rows."""
     blocks = lay_out(Scenario(rows=4, pickers=2, **EXAMPLES["rows"])).blocks
     assert blocks == {"picker_01": Block((1, 2), "east"), "picker_02": Block((3, 4), "east")}
     assert lay_out(Scenario(rows=4, pickers=2, rows_to_pickers="test_seams.plain_rows")).blocks[

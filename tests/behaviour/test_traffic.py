@@ -127,6 +127,7 @@ def test_a_harvest_ends_without_a_collision(rows, pickers, carriers, row_width, 
     "pickers", [8, *(pytest.param(many, marks=pytest.mark.soak) for many in (12, 20))]
 )
 def test_all_pickers_call_at_once_and_all_are_served(pickers):
+    """Each has one row. Each unloading is an event of its own."""
     stage = Stage(empty_orchard(rows=pickers, pickers=pickers, dispatch=NEAREST))
     # All rows, of 70 m at 1 m/s, are picked at the same time.
     stage.run_until(lambda: bool((stage.world.row_picked >= 70.0).all()), 75)
@@ -280,6 +281,7 @@ def test_a_person_standing_in_a_row_holds_up_only_that_row():
 
 
 def test_a_crossing_animal_is_not_run_over():
+    """A dog walks east in row 1, at y = 10.9 m, from x = 20 m on, and then across the roads."""
     stage = Stage(empty_orchard(animals=Animals(dogs=1, cats=0)), dog_01=Driven(Twist(x=0.6)))
     stage.put("dog_01", 20.0, 10.9, "EAST")
     stage.run_until(lambda: stage.world.delivered == 1, 600)

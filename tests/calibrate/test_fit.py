@@ -152,6 +152,7 @@ def test_a_last_day_of_the_same_kind_is_as_predicted():
 
 
 def test_a_log_of_rows_without_pickers_gives_the_rate_back():
+    """It cannot tell how pickers differ. The name of the one picker that it has then is ''."""
     spread = {"spread": {"distribution": "lognormal", "cv": 0.2}}
     truth = with_changes(KNOWN, picking_rate=2.0, picking=spread, seed=5)
     bins = [LoggedBin(**vars(bin_) | {"picker": ""}) for bin_ in log_of(truth)]
@@ -337,6 +338,7 @@ def test_a_scenario_may_have_rates_of_more_pickers():
 
 
 def test_a_fault_of_the_scenario_is_told_with_its_file():
+    """Rows of 900 m are a fault of the scenario, and 30 pickers in 26 rows one of the log."""
     log = BinLog("log.csv", [], frozenset(), [])
     too_long = KNOWN.model_copy(update={"row_length": 900.0})
     with pytest.raises(ScenarioError) as caught:

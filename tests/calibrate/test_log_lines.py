@@ -230,6 +230,7 @@ def carried_log(missing: int, days: int = 2) -> str:
 
 @pytest.mark.parametrize("missing", [1, 9, 18])
 def test_a_missing_unload_spoils_no_other_drive(tmp_path, missing):
+    """Each drive takes 3 minutes, from :11 to :14. Bin 9 is the last one of the first day."""
     logged = bins_of(read(tmp_path, carried_log(missing)), WorkShift())
     # s from fetched to unloaded; None where that is not known.
     drives = [bin_.unloaded and bin_.unloaded - bin_.fetched for bin_ in logged.bins]
@@ -289,6 +290,7 @@ def test_a_time_that_another_zone_cannot_have_is_told(tmp_path):
 
 
 def test_long_names_that_begin_alike_are_not_the_same(tmp_path):
+    """Names are shortened in messages only."""
     team = "picker of the orchard Kaimai North of the team "
     row = "https://farm.example/orchards/kaimai-north/"
     text = GOOD.replace("Ana,3", f"{team}Ana,{row}3")

@@ -145,6 +145,9 @@ def test_an_emergency_stop_is_that_of_local_mode():
 
 
 def test_a_fork_whose_only_snapshot_is_torn_begins_anew():
+    """At tick 20 the run goes on as a fork, whose first snapshot is torn 1 ms after tick 21. It
+    begins anew, and does all its 60 ticks.
+    """
     faults = Fault("fork", RUN_PY, 20), Fault("torn snapshot", PHYSICS, 21, 1e-3)
     plan = Plan(1, SCENE, 60, 1, has_logger=False, has_router=False, delays=Delays(), faults=faults)
     verdict = carry_out(plan)
@@ -283,6 +286,7 @@ def test_an_event_that_is_reported_twice_is_found():
 
 
 def test_a_tick_that_is_twice_in_a_table_is_found():
+    """Every 40th tick is written twice. Without that the same schedule has no complaint."""
     keep = BodyRows.keep
 
     def twice(self, engine):
@@ -308,6 +312,7 @@ def test_a_wrong_event_in_a_table_is_named_where_counts_agree():
 
 @pytest.mark.parametrize("count", [0, 2])
 def test_a_tick_that_is_missing_or_twice_in_a_recording_is_found(count):
+    """Every 40th tick is recorded `count` times. With once the same schedule has no complaint."""
     put = FrameQueue.put
 
     def often(self, frame):

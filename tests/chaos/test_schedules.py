@@ -267,6 +267,7 @@ def test_a_host_started_as_the_run_ends_does_not_wait(tick):
 
 @pytest.mark.parametrize("delay", [0.0002, 0.002, 0.02, 0.1])
 def test_physics_that_dies_after_the_end_keeps_nothing_waiting(delay):
+    """The run ends at tick 60. Physics dies soon after that, before or after all have heard it."""
     verdict = carry_out(plan(Fault("kill", PHYSICS, 60, delay)))
     assert verdict.complaints == []
     assert verdict.seconds < 15.0

@@ -129,6 +129,7 @@ PLACES = {
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("set_it", SETTINGS)
 def test_what_an_own_class_sets_is_as_before_afterwards(set_it, place, tmp_path, monkeypatch):
+    """Each of SETTINGS is changed at each of PLACES, and has its old value after that."""
     # A module that changes a setting when it is imported.
     (tmp_path / "sets_it.py").write_text(
         f"import {__name__} as test\ntest.setting()\nfrom {__name__} import *"

@@ -122,6 +122,7 @@ def test_writing_into_a_scan_is_explained_in_local_mode(caplog):
 @pytest.mark.processes
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
 def test_writing_into_a_scan_is_explained_over_the_network(fleet, mode, caplog):
+    """One `Scribbler` is named by the scenario, and the other one joins from this process."""
     named = driven_by(picker_01="Scribbler")
     fleet.physics(named, "--duration", "1", "--mode", mode)
     host = fleet.host("--without", "picker_02")

@@ -199,6 +199,7 @@ def crowded(seed: int, count: int) -> Iterator[Layout]:
     chances = Random(f"bays {seed}")
 
     def drawn() -> dict[str, Any]:
+        """Draw the values of one. In seven of ten nobody and nothing is about."""
         rows = chances.randint(5, 12)
         values: dict[str, Any] = {
             "rows": rows,

@@ -215,6 +215,8 @@ def test_more_people_lengthen_a_harvest() -> None:
 
 
 def test_the_long_run_is_slower_with_people() -> None:
+    """Thirty workers cost more than 1 %."""
+
     def rate(workers: int) -> float:
         people = {"workers": workers, "visitors": 0}
         layout = lay_out(orchard(rows=4, pickers=2, carriers=1, people=people))
@@ -321,6 +323,7 @@ def test_a_long_run_has_the_rate_of_a_far_longer_one(changes: dict[str, Any]) ->
 
 @pytest.mark.parametrize("dispatch", ["farthest-first", "assignment"])
 def test_a_policy_that_leaves_a_picker_out_has_no_long_run(dispatch: str) -> None:
+    """With two carriers for six pickers these policies serve some pickers again and again."""
     with pytest.raises(
         Jam,
         match=(

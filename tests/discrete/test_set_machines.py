@@ -140,6 +140,7 @@ def test_slow_pickers_drive_at_their_speed() -> None:
 
 
 def test_a_picker_picks_as_fast_as_it_drives_at_most() -> None:
+    """The default picking speed follows the driving speed. One that is named must not be faster."""
     slow = {"picking": {"driving_speed": 0.6}}
     assert Scenario.model_validate(slow).mean_picking_speed == 0.6
     assert small(**slow).lane(1).picking_speed == 0.6

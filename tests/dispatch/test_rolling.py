@@ -141,6 +141,7 @@ def test_the_bin_after_a_trip_is_expected_once_it_is_picked():
 
 
 def test_after_its_last_bin_a_picker_has_none_to_expect():
+    """`after`: the bin that the policy expects next of a picker: its number, from 0, and a tick."""
     policy = Rolling(orchard(rows=4, pickers=2, carriers=2))
     courses = policy.courses["picker_01"]
     last = courses[-1].job

@@ -294,6 +294,9 @@ def test_a_step_of_the_tutorial(step, tmp_path):
 
 
 def test_the_two_terminals_of_the_tutorial(tmp_path):
+    """The first command leaves the carriers to the second one, and waits for it. Together they have
+    the hash of local mode.
+    """
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     terminals = [block("docs/tutorial.md", f"{number} terminal") for number in ("first", "second")]
     (first,), (second,) = (

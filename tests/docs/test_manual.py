@@ -102,6 +102,9 @@ def test_only_by_the_manual_carriers_drive_around_the_bottom():
 
 
 def test_bins_report_early_or_call_carriers_when_full():
+    """By default bins report to the dispatcher from the start on. By the manual they call all
+    carriers once they are full, and there is no dispatcher.
+    """
     tick, _, to, fetch = next(
         letter for letter in course("default").letters if isinstance(letter[3], Fetch)
     )

@@ -8,6 +8,7 @@ from orchard.field.scenario import TIME_STEP, Scenario
 
 
 def test_a_flat_carrier_stands_for_ever() -> None:
+    """With a reserve of 0 the only carrier never goes to charge. Its battery lasts for 6 min."""
     values = NOBODY | {"rows": 8, "pickers": 2, "carriers": 1, "dispatch": "nearest"}
     battery = {"hours": 0.1, "hours_to_charge": 0.1, "reserve": 0.0}
     layout = lay_out(Scenario(**values, carrying={"battery": battery}))

@@ -8,6 +8,7 @@ from orchard.field.scenario import Scenario
 
 
 def test_a_repair_of_an_hour_is_no_jam() -> None:
+    """It is longer than the ten minutes in which a jam is one."""
     values = NOBODY | {"rows": 3, "pickers": 2, "carriers": 1, "row_length": 30.0}
     hour = {"failure": {"mean_between": 100.0, "mean_repair": 3600.0}}
     layout = lay_out(Scenario(**values, dispatch="predictive", carrying=hour))

@@ -109,6 +109,7 @@ def test_carriers_that_charge_deliver_as_the_simulators(values: dict[str, Any]) 
 
 
 def test_a_carrier_that_gets_flat_on_its_way_stands_there() -> None:
+    """It does so in both models, and the harvest is not complete."""
     both = BothModels(FLAT)
     assert both.ended == "jammed"
     assert both.model.flat == ["carrier_01"]

@@ -157,6 +157,7 @@ def fields(section: dict, schema: dict) -> dict[str, dict]:
 
 
 def test_every_field_is_described_and_limited() -> None:
+    """A number has limits, a text a pattern, and a list a greatest length."""
     schema = json.loads(schema_text())
     by_name = fields(schema, schema)
     assert {"rows", "workers", "noise", "carriers"} <= set(by_name)
@@ -266,6 +267,7 @@ def test_changes_leave_the_callers_maps_as_they_were():
 
 
 def test_a_change_reaches_into_a_section_and_leaves_the_rest() -> None:
+    """By default there are four workers and three visitors."""
     scenario = Scenario()
     by_path = with_changes(scenario, **{"people.workers": 9})
     assert by_path.people == People(workers=9, visitors=3)

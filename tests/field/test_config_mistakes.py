@@ -269,6 +269,7 @@ def test_all_problems_are_told_at_once() -> None:
 
 
 def test_all_broken_rules_are_told_at_once() -> None:
+    """Also those of which some are about one value, and others about several."""
     assert refused(
         "rows: 3\npickers: 4\nagents_without_body: {picker: a.B}\npeople: {workers: 51}\nanimals:"
         " {dogs: 30, cats: 30}"

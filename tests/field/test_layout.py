@@ -228,6 +228,7 @@ def places(scenario: Scenario) -> dict[str, tuple[float, float]]:
 
 
 def test_guests_stand_where_the_manual_puts_them() -> None:
+    """Guests are people and animals. Each has a place (x, y) in the manual, m."""
     manual = {
         "worker_01": (-20.0, 22.0),
         "worker_04": (-44.0, -15.0),
@@ -245,6 +246,9 @@ def test_guests_stand_where_the_manual_puts_them() -> None:
 def test_a_given_queue_place_gives_way_to_the_nearest_free_one(
     name: str, given_place: tuple[float, float]
 ) -> None:
+    """In the one-way orchard, with 40 carriers, the queue reaches to these places of the manual. In
+    the default orchard guests stand there, but for worker_02.
+    """
     x, y = places(ONE_WAY)[name]
     assert places(Scenario())[name] == given_place or name == "worker_02", (
         "the lines that no carrier uses are not kept clear"
@@ -267,6 +271,7 @@ def test_a_given_queue_place_gives_way_to_the_nearest_free_one(
 def test_a_dog_is_not_put_where_robots_drive_off(
     place: tuple[float, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """If such a place were given to the dog, it would be put less than 5 m aside."""
     monkeypatch.setitem(placement.GIVEN, "dog", (place,))
     # Layouts are kept: without this the test would get one that was made before.
     monkeypatch.setattr(layouts, "_laid_out", layouts._laid_out.__wrapped__)
@@ -281,6 +286,7 @@ def test_animals_may_stand_in_rows_but_not_in_trees() -> None:
 
 
 def test_the_given_places_are_kept_for_those_they_are_given_to() -> None:
+    """More guests, whose places are drawn, take none of those of the manual."""
     crowded = Scenario(people=People(workers=40, visitors=10), animals=Animals(dogs=40, cats=10))
     few = places(Scenario())
     many = places(crowded)

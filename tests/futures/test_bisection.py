@@ -38,6 +38,7 @@ def searched(decided, first, count=2):
 
 @pytest.mark.parametrize("decided", [0, 1, 599, 600, 601, 1194, 1199])
 def test_the_last_good_moment_is_found_to_a_second(decided):
+    """A second is NEAR, ten ticks."""
     bisection, asked = searched(decided, [0, 600, 1200])
     assert bisection.last_good <= decided < bisection.first_bad
     assert bisection.first_bad - bisection.last_good <= NEAR

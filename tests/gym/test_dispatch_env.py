@@ -65,6 +65,7 @@ def test_gymnasium_finds_no_fault_in_the_environment():
 @pytest.mark.parametrize("policy", ["predictive", "farthest-first", "longest-waiting"])
 @pytest.mark.parametrize("metres_per_bin", [None, 30.0])
 def test_scripted_actions_give_the_harvest_of_the_fast_model(policy, metres_per_bin):
+    """The fast model is the event model, in which the same policy decides by itself."""
     scenario = Scenario(
         rows=9,
         pickers=5,
@@ -212,6 +213,7 @@ CARRIERS = [
 
 
 def test_what_a_policy_is_told_becomes_arrays():
+    """It is tick 120, 12 s. Of four bins only bin_02 wants a carrier."""
     observation = VIEW.observation(120, [BIN], CARRIERS)
     assert VIEW.observation_space.contains(observation)
     # Of each bin: 1 if it wants a carrier, lane, for how long it has wanted one (s: from tick 20 to

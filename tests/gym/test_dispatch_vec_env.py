@@ -98,6 +98,7 @@ def assert_goes_on_alike(env, other, infos, steps):
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_a_vector_of_one_has_the_episode_of_the_single_one(name):
+    """Both do the same random actions, and answer the same to the end of the harvest."""
     env = dispatch_vec_env(SCENARIOS[name], 1, reward="waiting")
     alone = dispatch_env(SCENARIOS[name], reward="waiting")
     observations, infos = env.reset(seed=5)
@@ -134,6 +135,9 @@ def test_many_orchards_are_as_many_single_ones(mode):
 
 
 def test_the_end_of_an_episode_is_told_in_the_same_step():
+    """In this mode the observation is already that of the next episode, so the last one of the
+    episode before stands in the infos.
+    """
     env = dispatch_vec_env(SMALL, 2, autoreset_mode="SameStep")
     singles = SyncVectorEnv(
         [lambda: dispatch_env(SMALL)] * 2, autoreset_mode=AutoresetMode.SAME_STEP

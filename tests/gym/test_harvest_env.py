@@ -139,6 +139,7 @@ def test_other_velocities_give_the_motion_of_local_mode(name):
 
 
 def test_a_run_that_is_not_hashed_moves_alike():
+    """It moves by 100 random velocities."""
     envs = [single_env(SMALL, "carrier_01", is_hashed=hashed) for hashed in (True, False)]
     for env in envs:
         env.reset(seed=5)
@@ -221,6 +222,7 @@ def test_a_seed_that_cannot_be_changes_no_later_episode(make):
 
 
 def test_a_curriculum_changes_the_scenario_of_one_episode():
+    """The next episode has the scenario of the environment again."""
     env = single_env(SMALL, "carrier_01")
     observation, _ = env.reset(seed=3, options={"scenario": {"rows": 4, "people.workers": 3}})
     assert env.local.engine.layout.scenario.rows == 4

@@ -1,4 +1,10 @@
-"""The deeds that physics does or refuses: coupling, uncoupling, flattening."""
+"""The deeds that physics does or refuses: coupling, uncoupling, flattening.
+
+A `Yard` is a field without agents: `do` does one deed in a step, and `drive` steps with velocities.
+A bin couples if its centre is within 0.1 m of the robot's coupling point, and turned by at most 5
+degrees from a quarter turn. Names go on: picker_01, bin_02. The coupling point lies 2.25 m behind
+the centre of a picker, 1.9 m behind that of a carrier.
+"""
 
 import math
 
@@ -15,7 +21,10 @@ from orchard.sim.engine import Engine
 
 
 def beside(kind: str = "picker", off: float = 0.0, aside: float = 0.0, yaw: float = 0.0) -> Yard:
-    """Return a robot and a bin, so far off the coupling point."""
+    """Return a robot that faces north, and a bin that is so far off the coupling point.
+
+    `off`: m ahead; `aside`: m to the left; `yaw`: how far it is turned, rad.
+    """
     distance = {"picker": 2.25, "carrier": 1.9, "tractor": 5.0}[kind]
     return yard(
         (kind, Pose(1, 1, NORTH)), ("bin", Pose(1 - aside, 1 - distance + off, NORTH + yaw))
@@ -28,6 +37,7 @@ def beside(kind: str = "picker", off: float = 0.0, aside: float = 0.0, yaw: floa
     [0.0, math.pi / 2, -math.pi / 2, math.pi, math.radians(4.9), math.pi / 2 - math.radians(4.9)],
 )
 def test_a_bin_couples_at_any_quarter_turn_and_stays(kind, yaw):
+    """6 cm ahead and 6 cm to the side are 8.5 cm off the coupling point."""
     spot = beside(kind, off=0.06, aside=-0.06, yaw=yaw)
     before = spot.world.pose.copy()
     assert [event.what for event in spot.do(f"{kind}_01", Couple("bin_02"))] == ["coupled"]
@@ -36,16 +46,18 @@ def test_a_bin_couples_at_any_quarter_turn_and_stays(kind, yaw):
     assert np.array_equal(spot.world.pose, before)
 
 
-UNCOUPLED = [
-    (beside(off=0.11), "coupling point"),
-    (beside(aside=0.08, off=0.08), "coupling point"),
-    (beside(yaw=math.radians(5.1)), "square"),
-    (beside(yaw=math.radians(40)), "square"),
-    (beside("tractor"), "tows nothing"),
-]
+# A robot and a bin that do not couple, and a word of the reason. 8 cm ahead and 8 cm to the side
+# are 11.3 cm.
+UNCOUPLED = {
+    "11 cm ahead": (beside(off=0.11), "coupling point"),
+    "11 cm aslant": (beside(aside=0.08, off=0.08), "coupling point"),
+    "a little askew": (beside(yaw=math.radians(5.1)), "square"),
+    "askew": (beside(yaw=math.radians(40)), "square"),
+    "behind a tractor": (beside("tractor"), "tows nothing"),
+}
 
 
-@pytest.mark.parametrize(("spot", "why"), UNCOUPLED)
+@pytest.mark.parametrize(("spot", "why"), UNCOUPLED.values(), ids=UNCOUPLED)
 def test_a_bin_elsewhere_or_askew_does_not_couple(spot, why):
     robot = spot.world.layout.names[0]
     (refusal,) = spot.do(robot, Couple("bin_02"))
@@ -59,9 +71,9 @@ def test_a_bin_elsewhere_or_askew_does_not_couple(spot, why):
 def test_coupling_and_uncoupling_want_both_to_stand():
     spot = beside()
     spot.drive(1, picker_01=Twist(0.5))
-    # It moved a tick ago.
+    # The picker moved a tick ago.
     assert "moves" in spot.do("picker_01", Couple("bin_02"))[0].detail
-    # It stands, and drives off in the same tick.
+    # It stands, and drives off in the tick of the deed.
     (refusal,) = spot.drive(1, deeds=[("picker_01", Couple("bin_02"))], picker_01=Twist(0.5))
     assert "moves" in refusal.detail
     spot = beside()
@@ -76,6 +88,8 @@ def test_coupling_and_uncoupling_want_both_to_stand():
 
 def test_a_bin_is_coupled_to_one_robot_and_a_robot_to_one_bin():
     bins = ("bin", Pose(-2.25, 0, EAST)), ("bin", Pose(-2.25, 9, EAST))
+    # bin_02 is at the coupling point of the picker, and at that of the carrier, which faces west:
+    # 2.25 m + 1.9 m are 4.15 m.
     pair = yard(
         ("picker", Pose(0, 0, EAST)), bins[0], ("carrier", Pose(-4.15, 0, math.pi)), bins[1]
     )
@@ -88,7 +102,10 @@ def test_a_bin_is_coupled_to_one_robot_and_a_robot_to_one_bin():
 
 
 def weed_and_worker(distance: float) -> Yard:
-    """Return a worker and a weed with this distance between their edges."""
+    """Return a worker and a weed with this distance between their edges, m.
+
+    The worker faces north, and is 1.0 m wide; the weed is 0.5 m long.
+    """
     return yard(("worker", Pose(0, 0, NORTH)), ("weed", Pose(0.5 + distance + 0.25, 0, EAST)))
 
 
@@ -112,6 +129,10 @@ def test_a_weed_is_not_flattened_by_what_stands_or_is_farther():
 
 
 def test_a_weed_is_flattened_by_the_straight_distance():
+    """From corner to corner: 0.8 m in x and y are 1.13 m, and 0.7 m are 0.99 m.
+
+    A dog is 1.0 m long and 0.8 m wide, and a weed 0.5 m by 0.5 m.
+    """
     corner = yard(
         ("dog", Pose(0, 0, EAST)), ("weed", Pose(0.5 + 0.25 + 0.8, 0.4 + 0.25 + 0.8, EAST))
     )
@@ -129,6 +150,7 @@ def test_only_weeds_are_flattened():
 
 
 def test_deeds_are_done_in_body_order():
+    """They are given in the reverse order, and done in that of the layout."""
     engine = Engine.begin(Scenario())
     weeds = [name for name in engine.layout.names if kind_of(name) == "weed"]
     engine.observe()

@@ -1,4 +1,8 @@
-"""Many arrays as one argument of compiled functions."""
+"""Many arrays as one argument of compiled functions.
+
+A compiled function that gets many arrays is called slowly. So it gets their addresses as one array,
+and opens them as fields (orchard/sim/kernels/arrays.py).
+"""
 
 import numpy as np
 import pytest
@@ -6,6 +10,7 @@ import pytest
 from orchard.sim.kernels.arrays import ArrayRecord
 from orchard.sim.kernels.jit import jit
 
+# A record has a name for each array, its type and its number of dimensions.
 ROW = np.dtype([("metres", np.float64), ("count", np.int64)])
 RECORD = ArrayRecord({"rows": (ROW, 1), "grid": (np.int64, 2), "cube": (np.float64, 3)})
 opens = RECORD.opens
@@ -13,10 +18,11 @@ opens = RECORD.opens
 
 @jit
 def _change(addresses):
-    m = opens(addresses)
-    m.rows[1].count += m.grid[1, 2] + m.grid.shape[0]
-    m.cube[1, 0, 2] = m.rows[0].metres
-    return len(m.rows)
+    """Change a value of `rows` and one of `cube`. Return the number of rows."""
+    given = opens(addresses)
+    given.rows[1].count += given.grid[1, 2] + given.grid.shape[0]
+    given.cube[1, 0, 2] = given.rows[0].metres
+    return len(given.rows)
 
 
 def arrays() -> dict[str, np.ndarray]:
@@ -28,6 +34,7 @@ def arrays() -> dict[str, np.ndarray]:
 def test_a_compiled_function_reads_and_writes_a_records_arrays() -> None:
     given = arrays()
     assert _change(RECORD.addresses(given)) == 2
+    # 3 were there; the last value of the grid is 5, and it has 2 rows.
     assert given["rows"]["count"].tolist() == [1, 3 + 5 + 2]
     assert given["cube"].ravel().tolist() == [0.0, 0.0, 0.0, 0.0, 0.0, 0.5]
 
@@ -40,6 +47,7 @@ def test_a_compiled_function_reads_and_writes_a_records_arrays() -> None:
         {"grid": np.zeros((3, 2), np.int64).T},
         {"rows": np.zeros(2)},
     ],
+    ids=["another type", "a dimension too few", "another order in memory", "no records"],
 )
 def test_arrays_of_another_kind_are_refused(wrong: dict[str, np.ndarray]) -> None:
     (name,) = wrong

@@ -1,5 +1,8 @@
 """The compiled kernels: torn or changed ones are never used, a full disk is no reason not to start,
 and no tick waits for a compiler.
+
+Kernels are the compiled inner loops of the simulator. They are kept in files (*.nbc), with
+checksums, in a folder whose name is a hash of their sources (orchard/sim/kernels/cache.py).
 """
 
 import logging
@@ -19,6 +22,7 @@ from orchard.sim.engine import Engine
 from orchard.sim.kernels import cache
 from orchard.sim.kernels.cache import KernelFiles
 
+# What stands for the code of a kernel.
 CODE = bytes(range(256)) * 40
 TICKS = 20
 PROGRAM = (
@@ -74,12 +78,15 @@ def folder_of_kernels(above, digit: str):
 
 
 def test_kernels_of_other_sources_go_after_a_day_without_use(tmp_path):
+    """When a process keeps a kernel, it removes folders of other sources that nothing has used for
+    a day. To load a kernel is to use its folder.
+    """
     now = time.time()
     folders = {digit: folder_of_kernels(tmp_path, digit) for digit in "0123"}
     old, loaded, new, own = folders.values()
     for folder in folders.values():
         KernelFiles(folder).keep("scan.nbc", CODE)
-    # Of a process that was killed.
+    # A file that was left half written by a process that was killed.
     (old / ".laser.nbc.4711.new").write_bytes(CODE)
     for folder in (old, loaded, own):
         os.utime(folder, (now, now - cache.UNUSED_SECONDS - 60.0))
@@ -161,6 +168,7 @@ def test_any_flipped_bit_or_cut_is_found(tmp_path, caplog):
     files.keep("a.nbc", CODE)
     assert files.load("a.nbc") == CODE
     whole = (tmp_path / "a.nbc").read_bytes()
+    # At every 97th byte: some hundred places.
     for at in range(0, len(whole), 97):
         changed = whole[:at] + bytes([whole[at] ^ 1 << at % 8]) + whole[at + 1 :]
         for damaged in (changed, whole[:at], whole + whole[:at] if at else b""):
@@ -254,6 +262,8 @@ def test_all_kernels_torn_are_compiled_anew(kept):
     assert simulated(kept.parent).stderr == ""
 
 
+# A program that prints the kernels which a whole harvest has compiled, or compiled for other types,
+# after the rehearsal: the run that compiles them all before the first tick.
 HARVEST = """
 import sys
 from numba.core.dispatcher import Dispatcher

@@ -1,4 +1,9 @@
-"""Lookahead: an agent that holds is asked when its hold ends, not earlier; no result changes."""
+"""Lookahead: an agent that holds is asked when its hold ends, not earlier; no result changes.
+
+A hold says until which tick a velocity stands, and which zones the engine watches for the agent
+meanwhile (`Hold`). `Lookahead` asks the agents whose hold has ended; `IgnoredHolds` asks all;
+`CheckedHolds` asks all, and names each whose answer is not the one that it held.
+"""
 
 import logging
 import math
@@ -31,7 +36,8 @@ AHEAD = Zone(0.0, 2.0, -0.5, 0.5)
 class Holder:
     """Gives one velocity and one hold whenever it is asked, and acts at given ticks.
 
-    It notes when it is asked.
+    It notes at which ticks it is asked. `until`: for how many ticks it holds. `acts`: tick -> what
+    else its action has. `zones`: those of its hold.
     """
 
     Memory = dict
@@ -61,7 +67,9 @@ def stage_of(scenario=None, **agents):
 
 
 def asked_in(ticks, agent, scenario=None, name="picker_01", **others):
-    """Run for some ticks. Return the ticks at which an agent was asked."""
+    """Run for some ticks, with an agent for the body `name`. Return the ticks at which it was
+    asked.
+    """
     stage = stage_of(scenario, **{name: agent}, **others)
     stage.run(ticks / 10)
     return agent.asked
@@ -98,6 +106,7 @@ def test_holds_change_no_result_and_few_are_asked(dispatch):
 
 
 def test_holds_change_no_result_of_a_bin_with_its_picker():
+    """A bin of 27.1 m is full 2.9 m before the end of a row of 30 m."""
     same_run(
         empty_orchard(
             rows=3, carriers=3, row_length=30.0, metres_per_bin=27.1, dispatch="predictive"
@@ -138,13 +147,19 @@ def disturbed_run(scenario, holds, robot, ticks):
 
 
 def test_a_call_no_longer_repeated_is_forgotten():
-    """It is forgotten however long the carrier held."""
+    """The carrier heard it last at tick 20, and offered itself. At 201 the bin calls as if anew.
+
+    The offer is then forgotten, however long the carrier held: LAST_TICK stands for none.
+    """
     calls = {"bin_01": HeardCall(since=10, tick=20, offered=15)}
     hear_calls(calls, Mail([Heard("bin_01", 200, 0, Call(1, "east", 10))]), 201)
     assert calls["bin_01"].offered == LAST_TICK
 
 
 def test_a_walker_turning_at_the_edge_holds_for_no_time():
+    """A dog stays within 6 m of where it began. At the edge it may turn for as long as it likes,
+    and not walk on for a tick.
+    """
     seen = Observation(
         "dog_01", 60, 6.0 - 1e-9, 0.0, (0.0, 1.0), STILL, np.full(180, np.inf, dtype=np.float32)
     )
@@ -153,6 +168,8 @@ def test_a_walker_turning_at_the_edge_holds_for_no_time():
 
 
 class Silent(Holder):
+    """Gives no hold."""
+
     def tick(self, seen, mail, memory):
         super().tick(seen, mail, memory)
         return Action(memory=memory)
@@ -179,6 +196,7 @@ def test_nobody_holds_for_longer_than_100_s():
 
 
 def test_mail_ends_a_hold_a_request_and_the_reply_to_an_own_one():
+    """A request of tick 0 is heard at tick 1, and its reply at tick 2."""
     asker = Holder(acts={0: {"requests": [("bin_02", StateRequest())]}})
     bin_ = Holder()
     asked_in(5, asker, bin_02=bin_)
@@ -187,7 +205,8 @@ def test_mail_ends_a_hold_a_request_and_the_reply_to_an_own_one():
 
 
 def test_a_refused_step_ends_a_hold():
-    # Its bin stays, and soon holds it back.
+    # Its bin stays, and soon holds it back: the last steps of the six ticks are refused. The picker
+    # is asked right after the first of them.
     picker = Holder(Twist(1.0))
     stage = stage_of(picker_01=picker, bin_01=Holder())
     stage.run(0.6)
@@ -239,23 +258,27 @@ def passed_by(x, y, **zones):
 
 
 def test_a_zone_that_becomes_occupied_or_free_ends_a_hold():
+    """The visitor walks 5 cm a tick. It starts 3 m south, and passes 1 m ahead of the worker."""
     stage, watcher = passed_by(1.0, -33.0, watch=(AHEAD,))
     stage.run(13)
     entered, left = watcher.asked[1:]
     assert 30 < entered < left < 100
-    # The zone's width, and the visitor's length.
+    # It is in the zone for the zone's width of 1 m and its own length of 0.55 m; up to six ticks
+    # less or more, because a beam must meet it.
     assert left - entered == pytest.approx((1.0 + 0.55) / 0.05, abs=6)
 
 
 def test_a_still_zone_ends_a_hold_at_each_change_in_it():
     stage, watcher = passed_by(1.0, -33.0, still=(AHEAD,))
     stage.run(13)
+    # While the visitor is in the zone, ranges change at each tick, without a gap.
     assert len(watcher.asked) > 20
     assert watcher.asked[1:] == list(range(watcher.asked[1], watcher.asked[-1] + 1))
 
 
 def test_another_freer_side_ends_a_hold():
-    # The visitor is on the right of the worker, and walks to the left of it.
+    # The visitor is on the right of the worker, and walks to the left of it. So first the worker's
+    # left is freer, within 3 m, and then its right. True: the left.
     stage, watcher = passed_by(1.5, -32.5, freer_within=3.0)
     sides = []
     for _ in range(110):
@@ -276,7 +299,8 @@ scans = arrays(
 
 @given(scans, st.floats(0.1, 10.0))
 def test_agents_and_physics_see_the_same_freer_side(ranges, reach):
-    # The arguments of the kernel are arrays of one agent, which has no hitch and watches no zone.
+    # The arguments of the kernel `begin_holds` are arrays of one agent, which has no hitch and
+    # watches no zone. It writes into `was` whether the left is freer.
     was = np.zeros(1, dtype=bool)
     one = np.zeros(1, dtype=np.int64)
     none = np.full((1, 1), -1)
@@ -300,6 +324,9 @@ def test_agents_and_physics_see_the_same_freer_side(ranges, reach):
 
 
 def test_a_steering_walker_is_asked_only_when_that_changes():
+    """The worker turns away from a visitor that stands ahead: it is asked when it begins to turn
+    and when it ends, and not while it turns.
+    """
     stage = Stage(empty_orchard(people=People(workers=1, visitors=1)))
     stage.put("worker_01", 0.0, -30.0, "EAST")
     stage.put("visitor_01", 3.9, -30.3)
@@ -327,7 +354,8 @@ class SlowPicker(Picker):
 
     def tick(self, seen, mail, memory):
         action = super().tick(seen, mail, memory)
-        if seen.tick % 7:
+        # It drives at every seventh tick only. The hold of its base class does not know that.
+        if seen.tick % 7 != 0:
             action.twist = STILL
         return action
 

@@ -1,5 +1,9 @@
 """The effect of a velocity: distance, turn and arc, the limits of each kind, and what stops a body:
 walls, others, the bar to its bin.
+
+`yard` makes a field without agents (tests/support/bare_world.py): its bodies have the names
+picker_01, worker_02 ... in their order. Poses are x, y, m, and yaw, rad. A wall is (x, y, half
+length, half width), m. AHEAD is 1 m/s, and TURN_LEFT an eighth of pi a second.
 """
 
 import math
@@ -52,9 +56,10 @@ def test_40_ticks_of_an_eighth_turn_a_second_are_90_degrees():
 @example(1.0, 0.0, 1e-300, 0.5)
 @example(1.0, 0.0, 5e-324, 0.5)
 def test_a_step_follows_its_arc(forward, left, turn, yaw):
-    """It is compared with the closed form where that is well conditioned.
+    """A step of 0.1 s from (2, -1) m is compared with the closed form of an arc.
 
-    Else it is compared with a thousand short straight steps.
+    For turns that are so slow that the form divides by almost nothing, it is compared with a
+    thousand straight steps of 0.1 ms. `forward`, `left`: m/s; `turn`: rad/s; `yaw`: rad.
     """
     x, y, end = move.arc(2.0, -1.0, yaw, forward, left, turn, 0.1)
     if abs(turn) > 1e-3:
@@ -79,6 +84,7 @@ def test_a_step_follows_its_arc(forward, left, turn, yaw):
     [("picker", 1, 1), ("tractor", 1, 1), ("worker", 1, 8), ("dog", 3, 16)],
 )
 def test_nothing_is_faster_than_its_kind(kind, speed, eighths):
+    """`speed`: m/s at most, also backwards; `eighths`: rad/s at most, in eighths of pi."""
     fast = yard((kind, Pose(0, 0, EAST)))
     fast.drive(1, **{f"{kind}_01": Twist(x=-99.0)})
     assert fast.pose(f"{kind}_01").x == pytest.approx(-0.1 * speed)
@@ -87,6 +93,7 @@ def test_nothing_is_faster_than_its_kind(kind, speed, eighths):
 
 
 def test_a_bin_is_not_faster_askew_than_straight_on():
+    """A bin drives 3 m/s at most, 0.3 m a tick, whichever way."""
     askew = picker_with_bin()
     askew.drive(1, bin_02=Twist(-99.0, 99.0))
     assert math.dist(askew.pose("bin_02")[:2], (ROW_WEST - 2.25, LANE)) == pytest.approx(0.3)
@@ -116,6 +123,7 @@ def test_nothing_moves_that_is_not_driven():
     assert np.array_equal(quiet.world.pose, before)
 
 
+# Bodies near each other, the first two coupled, in a pen of four fences and a post.
 CROWD = [
     ("bin", Pose(-2.25, 0, 0)),
     ("picker", Pose(0, 0, 0)),
@@ -140,6 +148,7 @@ twist = st.tuples(st.floats(-3, 3), st.floats(-3, 3), st.floats(-6, 6))
 @settings(max_examples=60)
 @given(st.lists(st.lists(twist, min_size=len(CROWD), max_size=len(CROWD)), min_size=1, max_size=4))
 def test_no_two_solid_things_ever_overlap(courses):
+    """`courses`: velocities of all bodies, each for 12 ticks. A weed is not solid."""
     world = world_of(*CROWD, walls=PEN)
     world.coupled[[0, 1]] = 1, 0
     assert [pair for pair in overlapping(world) if "weed_09" not in pair] == []
@@ -192,7 +201,7 @@ def test_who_moves_first_gets_the_place():
 
 
 def test_a_turn_counts_the_whole_box():
-    # 1 cm beside the tractor: its corner would swing into it.
+    # A wall 1 cm beside the tractor: the tractor's corner would swing into it.
     beside = (0, TRACTOR_SIDE + 0.25 + 0.01, 3, 0.25)
     near = yard(("tractor", Pose(0, 0, EAST)), walls=[beside])
     near.drive(1, tractor_01=TURN_LEFT)
@@ -208,6 +217,10 @@ def test_a_weed_and_a_bin_that_is_not_coupled_hold_nobody(other):
 
 
 def test_a_robot_cannot_leave_its_bin_behind():
+    """The bar lets it drive 0.3 m away from its bin: of ten steps of 0.1 m seven are refused.
+
+    When the bin has come on by a step, four more steps with the bin are done.
+    """
     held = picker_with_bin()
     held.drive(10, picker_01=AHEAD)
     assert held.pose("picker_01").x == pytest.approx(ROW_WEST + 0.3)
@@ -219,8 +232,9 @@ def test_a_robot_cannot_leave_its_bin_behind():
 
 
 def test_a_touching_robot_may_only_turn_away():
+    # The outline of a carrier, as half its length and half its width, and a point 1 cm to its left,
+    # near its front. A turn to the right, below 0, takes the front away from the point.
     boxes = [sense._Part(Pose(0.0, 0.0, 0.0), 0.9, 0.75)]
-    # On its left, near its front.
     touched = np.array([[0.8, 0.76]])
     assert not sense._swept(touched, boxes, -0.3)
     assert sense._swept(touched, boxes, 0.3)
@@ -228,17 +242,21 @@ def test_a_touching_robot_may_only_turn_away():
 
 @given(st.sampled_from(["picker", "carrier", "tractor"]), st.floats(-PI, PI), st.floats(-PI, PI))
 def test_a_turn_sweeps_only_what_is_within_its_reach(name, angle, turn):
-    """The turn touches nothing beyond its reach, and nearly all within."""
+    """A point beyond the reach is swept by no turn. A point that lies within it, by three margins,
+    and is clear of robot and bin, is swept by a full turn.
+
+    `angle`: the direction of the point from the robot, rad.
+    """
     kind = KINDS[name]
-    boxes = [
-        sense._Part(Pose(0.0, 0.0, 0.0), kind.length / 2, kind.width / 2),
-        *([sense._Part(Pose(-kind.tows, 0.0, 0.0), 0.5, 0.5)] if kind.tows else []),
-    ]
+    boxes = [sense._Part(Pose(0.0, 0.0, 0.0), kind.length / 2, kind.width / 2)]
+    if kind.tows:
+        boxes.append(sense._Part(Pose(-kind.tows, 0.0, 0.0), 0.5, 0.5))
     reach = sense._reach(kind, bool(kind.tows))
-    for metres, may_be_swept in ((reach, False), (reach - 3 * sense.TURN_MARGIN, True)):
-        points = np.array([[metres * math.cos(angle), metres * math.sin(angle)]])
-        assert may_be_swept or not sense._swept(points, boxes, turn)
-        is_clear = all(
-            sense._gaps(points[:, 0], points[:, 1], box) >= sense.TURN_MARGIN for box in boxes
-        )
-        assert not (may_be_swept and is_clear) or sense._swept(points, boxes, 2.0 * PI)
+    direction = np.array([[math.cos(angle), math.sin(angle)]])
+    assert not sense._swept(reach * direction, boxes, turn)
+    within = (reach - 3 * sense.TURN_MARGIN) * direction
+    is_clear = all(
+        sense._gaps(within[:, 0], within[:, 1], box) >= sense.TURN_MARGIN for box in boxes
+    )
+    if is_clear:
+        assert sense._swept(within, boxes, 2.0 * PI)

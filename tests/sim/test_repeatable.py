@@ -54,6 +54,8 @@ def test_a_velocity_that_is_off_by_a_trillionth_changes_the_hash():
     assert hash_with(-1e-12) != hash_with(0.0)
 
 
+# What can be asked of an engine, and gives the same whether steps are accounted for at once
+# (`advance`) or only when something is asked (`step`, which lets physics send first).
 ASKED = {
     "the hash": lambda engine: engine.hash,
     "the snapshot's digest": lambda engine: engine.digest,
@@ -65,6 +67,7 @@ ASKED = {
 
 @pytest.mark.parametrize("asked", ASKED)
 def test_a_step_that_is_accounted_for_later_counts_the_same(asked):
+    """Between the ticks 30 and 60 a robot is stopped, which must count at the right ticks."""
     at_once = Local(Scenario(rows=3))
     later = Local(Scenario(rows=3))
     later.engine.advance = later.engine.step
@@ -89,6 +92,8 @@ def test_all_agents_started_afresh_at_every_tick_changes_nothing():
     assert local.engine.hash == harvest_hash()
 
 
+# Environment variables under which numpy, the C library and numba use only what an older processor
+# has.
 ANY_PROCESSOR = {
     # Numpy without AVX-512.
     "NPY_DISABLE_CPU_FEATURES": "X86_V4",
@@ -140,6 +145,10 @@ def test_the_last_bit_of_every_part_counts(part):
 
 
 def test_scans_deliveries_mail_and_all_ticks_before_count():
+    """Each change of one of them gives another hash: no two of these are equal.
+
+    `mail` has for each agent what it heard, as bytes; names and bytes must not run into each other.
+    """
     world = World(lay_out(Scenario()))
     ranges = Scanner(world).scan(world).ranges
     hashes = [

@@ -1,5 +1,8 @@
 """Sensors: errors of the size and the kind that the scenario sets, the same however a run is run;
 and none without them.
+
+A GNSS receiver has white errors, new at each tick, and a slow bias; both are deviations in m.
+Odometry measures a longer or shorter way (`distance`, a share) and bends (`heading`, rad a metre).
 """
 
 import math
@@ -32,6 +35,7 @@ from orchard.sim.world import NONE, World
 from orchard.wire.codec import odometry_of
 from orchard.wire.messages import Odometry, TickStateMessage, read
 
+# The errors of a receiver with corrections, and of wheels. See docs/reference.md.
 RTK = {"sensors.gnss.white": 0.01, "sensors.gnss.bias": 0.02}
 DRIFT = {"sensors.odometry.distance": 0.02, "sensors.odometry.heading": 0.01}
 TWO_WAY = {"route": "two-way", "tractor": True}
@@ -46,6 +50,7 @@ def erring(seed: int = 1, **changes: float) -> Scenario:
 
 
 def world_of(scenario: Scenario) -> tuple[World, Scans]:
+    """Return the world of a scenario at its start, and scans without a beam."""
     world = World(lay_out(scenario))
     return world, Scans(np.zeros(0, dtype=np.float32), [0] * (len(world.pose) + 1))
 
@@ -91,6 +96,7 @@ def test_errors_of_positions_have_the_set_deviation(white, bias):
     measured = over_seeds(0, **{"sensors.gnss.white": white, "sensors.gnss.bias": bias})
     deviation = math.hypot(white, bias)
     assert measured.std() == pytest.approx(deviation, rel=0.1)
+    # Three deviations of a mean of so many errors.
     assert abs(measured.mean()) < 3 * deviation / math.sqrt(measured.size)
 
     # The errors of x and y are independent, and so are those of two robots.
@@ -251,8 +257,10 @@ def test_a_driving_robot_filters_errors_by_odometry():
 
 
 def test_a_robot_learns_by_which_share_its_odometry_is_wrong():
-    """It drives at 1 m/s, and its odometry measures 1.3 m/s. Else its estimate would stay 0.27 m
-    ahead, and it would pass gates: it gains 0.03 m in each tick, and 0.9 of what it is ahead stays.
+    """It drives at 1 m/s, and its odometry measures 1.3 m/s.
+
+    If it did not learn, its estimate would gain 0.03 m in each tick, of which the position takes
+    back a tenth of what it is ahead (GAIN). So it would stay 0.27 m ahead, and pass gates.
     """
     chance = np.random.default_rng(1)
     place = None
@@ -261,6 +269,7 @@ def test_a_robot_learns_by_which_share_its_odometry_is_wrong():
         seen = Observation("picker_01", tick, x, 0.0, FACES_EAST, Twist(1.3), np.zeros(180))
         place = place_of(seen, place)
     assert place.share == pytest.approx(1 / 1.3, abs=0.02)
+    # Where it is at the last tick, 199.
     assert place.x == pytest.approx(19.9, abs=0.03)
 
 
@@ -278,6 +287,7 @@ def test_our_agents_finish_a_harvest_with_rtk():
     finishes(with_changes(parse(block("docs/reference.md", "rtk")), route="two-way"))
 
 
+# Harvests in which that was so once, found by random ones.
 LIMITS = [
     {
         "rows": 3,
@@ -322,7 +332,10 @@ def test_our_agents_finish_with_rtk_on_each_route(route, dispatch, seed):
 
 
 def test_a_picker_short_of_the_end_drives_on_until_full():
-    """It takes itself to be at the row's end 8 cm before it, and its bin lacks so much."""
+    """It takes itself to be at the row's end 8 cm before it, and its bin lacks so much.
+
+    It begins 1.5 m before the end, with all before that in its bin.
+    """
     stage = Stage(with_changes(erring(**RTK), dispatch="nearest"))
     lane = stage.world.layout.lane(1)
     picked = lane.length - 1.5
@@ -337,13 +350,13 @@ def test_a_picker_short_of_the_end_drives_on_until_full():
 
 @pytest.mark.parametrize(("x", "y"), [(0.13, 0.0), (-0.12, 0.05), (0.0, 0.13), (0.1, -0.2)])
 def test_a_robot_searches_for_a_coupling_point_that_it_misses(x, y):
-    """The bin stands elsewhere than where the robot's plan has it."""
+    """The bin is moved by `x`, `y`, m, from the place where the robot's plan has it."""
     stage = Stage(erring(**{"sensors.gnss.white": 0.005}))
     name = stage.bin_of("carrier_01")
     bin_ = stage.world.index[name]
     stage.world.coupled[[stage.world.index["carrier_01"], bin_]] = NONE
     stage.world.pose[bin_, :2] += x, y
-    # So that no bin calls it away.
+    # The carrier has a job, so that no bin calls it away.
     stage.give("carrier_01", [TakeBin(bin=name)], job=Job(name, 1, "east", "picker_01"))
     stage.run_until(lambda: stage.bin_of("carrier_01") == name, 60.0)
     assert stage.happened("deed refused", "carrier_01")

@@ -1,6 +1,8 @@
 """A run as data: one that goes on from a snapshot has the hash of one without interruption.
 
-A bad snapshot is refused by name.
+A snapshot holds a run at a tick: world, memories, letters and figures (orchard/sim/snapshot.py).
+Its file, tick-NNNNNNNNN.snapshot, has a head with a version and a checksum. A keyframe is a copy
+that stays, for forks. A bad snapshot is refused by name.
 """
 
 import hashlib
@@ -73,11 +75,11 @@ def test_a_run_that_goes_on_has_the_figures_of_one_run():
 
 
 def test_two_forks_of_one_snapshot_go_their_own_ways():
-    snapshot = local_at(100).snapshot()
     """In one of them the picker has no agent, so it stands from 10 s on; the other goes on.
 
-    A picker picks at 1 m/s.
+    A picker picks at 1 m/s: 10 m until then, and 15 m until 15 s.
     """
+    snapshot = local_at(100).snapshot()
     going_on = Local.resume(snapshot)
     standing = Local.resume(snapshot)
     del standing.agents["picker_01"]
@@ -130,6 +132,7 @@ def test_files_of_a_user_beside_snapshots_stay(written):
 
 
 def test_snapshots_of_another_run_are_passed_over_and_named(tmp_path):
+    # Snapshots of the other run that somebody has copied here, with newer ticks.
     own = local_at(10).snapshot()
     other = local_at(12).snapshot()
     own.run = "own"
@@ -219,6 +222,7 @@ def test_any_bytes_are_a_snapshot_or_refused(tmp_path_factory, whole, junk, at):
 
 @given(junk=st.binary(max_size=20), at=st.integers(0, 10**6))
 def test_a_false_payload_with_a_right_checksum_is_survived(tmp_path_factory, whole, junk, at):
+    # After the two lines of the head.
     payload = whole.split(b"\n", 2)[2]
     at %= len(payload)
     payload = payload[:at] + junk + payload[at + len(junk) :]
@@ -272,7 +276,8 @@ def on_a_weed(tree):
     return with_value(changed, "coupled", "<i8", index["weed_01"], index["picker_01"])
 
 
-# What is inconsistent in a snapshot `t`, and the snapshot in which it is so.
+# What is inconsistent in a snapshot `t`, as maps and lists, and the snapshot in which it is so.
+# Arrays of the world are bytes, of float 64 (<f8), int 64 (<i8) or bytes (u1).
 INCONSISTENT = {
     "coupled to 999": lambda t: with_value(t, "coupled", "<i8", 0, 999),
     "coupled to -7": lambda t: with_value(t, "coupled", "<i8", 0, -7),
@@ -401,6 +406,6 @@ def test_a_damaged_snapshot_goes_on_or_is_refused(tmp_path, snapshot):
         with suppress(SnapshotError):
             resumed(path, payload)
             used += 1
-    # Many mutants change only a value that may be anything. Of the 150, at least 41 are refused:
-    # else damage would not be noticed at all.
+    # Many mutants change only a value that may be anything. But more than a quarter of the 150 must
+    # be refused: else damage would not be noticed at all.
     assert used < 110

@@ -1,5 +1,8 @@
 """The emergency stop overrides motion, in the engine and over the bus, whatever drives the robot
 and whatever process ends.
+
+`stop` takes names or kinds of robots; without any it stops all. A robot and its bin are stopped
+together, and stand until they are reset. `fleet` runs processes over a simulated network.
 """
 
 import signal
@@ -60,6 +63,7 @@ def test_a_robot_and_its_bin_stand_until_they_are_reset(driven, stopped, reset):
 def test_a_reset_robot_goes_on_and_never_back():
     stage = Stage(empty_orchard())
     stage.run(5.0)
+    # After stops of 0.5 s to 4.4 s.
     for ticks in range(5, 45, 3):
         stage.local.engine.stop()
         stage.run(ticks / 10)
@@ -104,6 +108,9 @@ def test_who_is_stopped_is_not_stopped_again(driven):
 
 
 def test_a_stop_during_coupling_ends_well():
+    """The picker is stopped when a carrier has left it an empty bin. Then the bin is stopped in
+    place of the picker.
+    """
     stage = Stage(empty_orchard(dispatch=NEAREST))
     stage.run_until(lambda: bool(stage.happened("uncoupled", "carrier_01")), 300)
     offered = stage.happened("uncoupled", "carrier_01")[0].whom
@@ -124,7 +131,10 @@ def test_a_stop_during_coupling_ends_well():
 
 
 def test_a_long_stop_is_no_jam_and_a_jam_comes_back(soon_jammed):
-    """While robots are stopped no time counts. After the reset it counts from zero."""
+    """While robots are stopped no time counts. After the reset it counts from zero.
+
+    The carriers never move, so the harvest jams after 120 s without progress (`soon_jammed`).
+    """
     stage = Stage(empty_orchard(), **{name: Standing() for name in ("carrier_01", "carrier_02")})
     stage.run(100)
     stage.local.engine.stop()
@@ -272,11 +282,15 @@ def test_the_latch_outlives_the_agent_and_its_host(fleet):
     fleet.stop()
 
 
-NONE = [word for name in agent_names(SMALL) for word in ("--absent", name)]
+# Options that leave all robots without an agent.
+NO_AGENTS = [word for name in agent_names(SMALL) for word in ("--absent", name)]
 
 
 def kept_in(folder: Path) -> list[str]:
-    """Return options by which a run keeps snapshots in a folder."""
+    """Return options by which a run without agents keeps snapshots in a folder.
+
+    It keeps one every 1,000 s, and one for each stop: a stop is written before it is answered.
+    """
     return [
         "--speed",
         "10",
@@ -284,7 +298,7 @@ def kept_in(folder: Path) -> list[str]:
         str(folder / "snapshots"),
         "--snapshot-every",
         "1000",
-        *NONE,
+        *NO_AGENTS,
     ]
 
 
@@ -305,6 +319,9 @@ def test_a_stop_that_was_taken_outlives_physics_killed_at_once(fleet, tmp_path):
 
 
 def test_on_a_slow_disk_a_stop_is_answered_while_written(fleet, tmp_path):
+    """The disk takes 20 s for a snapshot. The answer comes before, with `kept` false: if physics is
+    killed now, the stop may be lost.
+    """
     keep = kept_in(tmp_path)
     fleet.simulated_world.disk_seconds = 20.0
     fleet.physics(SMALL, *keep)

@@ -97,14 +97,14 @@ OTHERS = {
 
 @pytest.mark.soak
 @pytest.mark.parametrize("what", OTHERS)
-def test_it_does_so_in_other_orchards_too(fleet, what):
+def test_the_foreign_carrier_harvests_other_orchards_too(fleet, what):
     scenario, name = OTHERS[what]
     end = harvest(fleet, scenario, name, 4 * PATIENCE)
     assert_all_delivered(end, scenario.rows)
     assert end["taken"] > 0
 
 
-def test_it_reads_nothing_of_this_program():
+def test_foreign_clients_import_nothing_of_this_program():
     modules = (foreign_carrier, foreign_steps, foreign_field, foreign_obstacles, foreign_host)
     text = "".join(Path(module.__file__).read_text() for module in modules)
     imports = re.findall(r"^\s*(?:import|from) ([\w.]+)", text, re.M)
@@ -118,7 +118,7 @@ def test_it_reads_nothing_of_this_program():
     }
 
 
-def test_it_ignores_a_field_that_it_does_not_know():
+def test_the_foreign_carrier_ignores_an_unknown_field():
     """A call of a bin with a field `more` of a later version is answered all the same."""
     carrier = foreign_carrier.Carrier({"scenario": SMALL.model_dump(), "agents": []}, "carrier_01")
     carrier.tick = 7
@@ -130,7 +130,7 @@ def test_it_ignores_a_field_that_it_does_not_know():
     assert carrier.reply_to("bin_01", call)["type"] == "offer"
 
 
-def test_its_digest_of_mail_is_ours():
+def test_the_foreign_digest_of_mail_is_ours():
     """The digest of the mail that an agent heard goes into the run's hash.
 
     The letters have names, numbers and texts of all lengths that msgpack writes in different ways.
@@ -160,7 +160,7 @@ def test_its_digest_of_mail_is_ours():
 
 
 @pytest.mark.parametrize("number", [1, 13, 40])
-def test_its_field_is_ours(number):
+def test_the_foreign_field_is_ours(number):
     """A figure that changes in the orchard must change in foreign_field.py, too.
 
     It stands in keyspace.md.
@@ -192,7 +192,7 @@ def test_its_field_is_ours(number):
             )
 
 
-def test_its_bodies_are_ours():
+def test_the_foreign_bodies_are_ours():
     own = KINDS["carrier"]
     others = {name: KINDS[name] for name in PEOPLE + ANIMALS}
     assert {

@@ -232,7 +232,7 @@ def test_hosts_leave_when_physics_is_gone(fleet):
     assert "physics is gone" in err
 
 
-def test_physics_names_who_is_missing_and_all_stop_when_asked(fleet):
+def test_physics_names_missing_agents_and_all_stop_when_asked(fleet):
     """Within its first ten lines, physics says which agent it waits for."""
     fleet.physics(SMALL)
     host = fleet.host("--without", "picker_02", agents=TOY)

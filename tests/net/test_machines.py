@@ -142,7 +142,7 @@ def test_two_commands_run_the_carriers_on_another_machine(tmp_path):
     assert summary_of(tmp_path / "summary.json")["hash"] == local_hash(Scenario(rows=3), 600)
 
 
-def test_who_is_missing_is_told_and_a_guest_is_all_that_it_takes(tmp_path):
+def test_missing_agents_are_told_and_one_guest_runs_them(tmp_path):
     """A run that leaves agents to others prints the command that runs them. The test types it."""
     path = tmp_path / "summary.json"
     left = ["--without", "carrier", "--without", "picker_01"]

@@ -169,7 +169,7 @@ def test_a_tick_waits_for_every_request_physics_tells_of():
     assert not box.may_lack_mail(5, expected)
 
 
-def test_who_has_just_joined_waits_for_no_request():
+def test_a_session_that_has_just_joined_waits_for_no_request():
     assert mailbox(5).is_settled(5, [AskedOf("picker_01", "bin_01", 0)])
 
 
@@ -223,7 +223,7 @@ def test_an_answer_of_another_tick_is_refused(tick):
     assert request.answer is None
 
 
-def test_who_joins_again_forgets_all_mail():
+def test_a_session_that_joins_again_forgets_all_mail():
     box = mailbox()
     query = Query(letter())
     box.hear("picker_01", query)
@@ -314,7 +314,7 @@ def test_an_equal_answer_counts_anew_after_a_takeover():
     assert answers.missing == set()
 
 
-def test_nobody_answers_in_anothers_place():
+def test_no_agent_answers_in_anothers_place():
     """A tick's mail is copied to all, and only the answer of the agent that was asked counts."""
     asked = Written([("bin_01", StateRequest())], [])
     given = [Given("picker_01", 3, 0, Yes())]

@@ -73,7 +73,7 @@ class Crowd(StandIn):
         ("step_simulation", SimulationState),
     ],
 )
-def test_who_asks_takes_the_reply_that_makes_sense(other, what, type_):
+def test_a_question_takes_the_reply_that_makes_sense(other, what, type_):
     """It comes last, after 500 bad ones, which are refused and counted."""
     example = next(p for _, p in reversed(other[what]) if not refusal_of(p, type_, "other"))
     valid = rewritten(example, run=RUN)

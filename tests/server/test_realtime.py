@@ -191,7 +191,7 @@ def test_letters_are_told_once_beside_a_bare_velocity():
     assert barrier.reports["picker_01"].answers == answers
 
 
-def test_who_answers_in_time_has_longer_than_who_was_late():
+def test_a_session_in_time_has_longer_than_one_that_was_late():
     """For a session that was in time physics waits SLACK longer than a tick; for one that missed
     the last tick it waits half a tick.
 
@@ -217,7 +217,7 @@ def test_who_answers_in_time_has_longer_than_who_was_late():
     assert figures["velocities_missed"] == 2
 
 
-def test_the_robot_of_one_who_is_gone_stands_at_once():
+def test_the_robot_of_a_session_that_is_gone_stands_at_once():
     barrier, _ = live()
     barrier.open(0)
     barrier.take("picker_01", *driving(0))

@@ -92,7 +92,7 @@ def test_a_host_that_sleeps_too_long_joins_when_it_wakes(fleet, tmp_path):
     )
 
 
-def test_who_was_given_up_is_refused_until_it_joins(fleet):
+def test_a_session_given_up_is_refused_until_it_joins(fleet):
     """Session `me` owns worker_01 and does not answer for 1 s, so physics gives it up. When it has
     joined again, its answer to tick 0 is too old.
     """
@@ -125,7 +125,7 @@ def killed_with_snapshots(fleet, tmp_path) -> tuple[str, ...]:
     return (*keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
 
 
-def test_who_is_waited_for_is_named_long_before_the_wait_is_over(fleet):
+def test_agents_waited_for_are_named_long_before_the_wait_ends(fleet):
     """Of a patience of 15 s, 12 are left when physics names the agents. The test looks after 10."""
     fleet.physics(SMALL, *PACE, "--patience", "15")
     fleet.share(2, TOY)

@@ -96,7 +96,7 @@ def test_what_is_wrong_is_named(checker, world, what):
     assert after(checker, world) == [f"tick 1: {words}"]
 
 
-def test_a_delivery_that_nobody_made_is_named(checker, world):
+def test_a_delivery_that_no_carrier_made_is_named(checker, world):
     world.delivered += 1
     assert "tick 1: 1 bins count as delivered, but 0 were unloaded" in after(checker, world)
 

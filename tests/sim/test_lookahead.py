@@ -191,7 +191,7 @@ def test_a_hold_ends_at_its_tick():
     assert math.hypot(moved[0] - x, moved[1] - y) == pytest.approx(0.5 * 0.7)
 
 
-def test_nobody_holds_for_longer_than_100_s():
+def test_no_agent_holds_for_longer_than_100_s():
     assert asked_in(MOST_HOLD + 2, Holder()) == [0, MOST_HOLD]
 
 
@@ -341,7 +341,7 @@ def test_a_steering_walker_is_asked_only_when_that_changes():
     assert sum(asked) < 4
 
 
-def test_who_takes_over_is_asked_at_once():
+def test_an_agent_that_takes_over_is_asked_at_once():
     first = Holder()
     second = Holder()
     played(played(SMALL, 2, worker_01=first), 4, worker_01=second)
@@ -420,7 +420,7 @@ def test_a_wrong_hold_is_named_with_its_difference(caplog):
     )
 
 
-def test_ours_hold_rightly(caplog):
+def test_built_in_agents_hold_rightly(caplog):
     scenario = Scenario(rows=3, picking_speed=1.0, laser=LaserSettings(noise=0.005))
     assert local_hash(scenario, 1300, holds=CheckedHolds) == local_hash(scenario, 1300)
     assert "holds wrongly" not in caplog.text

@@ -191,7 +191,7 @@ def test_robots_and_guests_are_counted_apart():
     assert collisions(both.world, PEOPLE + ANIMALS) == 1
 
 
-def test_who_moves_first_gets_the_place():
+def test_the_body_that_moves_first_gets_the_place():
     """The gap is 0.15 m, and both bodies want to move 0.1 m into it."""
     x_of_worker = PICKER_FRONT + WORKER_FRONT + 0.15
     race = yard(("picker", Pose(0, 0, EAST)), ("worker", Pose(x_of_worker, 0, EAST)))
@@ -210,7 +210,7 @@ def test_a_turn_counts_the_whole_box():
 
 
 @pytest.mark.parametrize("other", [("weed", Pose(1.5, 0, EAST)), ("bin", Pose(-2.25, 0, EAST))])
-def test_a_weed_and_a_bin_that_is_not_coupled_hold_nobody(other):
+def test_a_weed_and_a_bin_that_is_not_coupled_hold_no_robot(other):
     over = yard(("picker", Pose(0, 0, EAST)), other)
     over.drive(30, picker_01=AHEAD)
     assert over.pose("picker_01").x == pytest.approx(3.0)

@@ -206,7 +206,7 @@ def test_five_seconds_at_rest_in_the_bay_empty_a_full_bin():
 
 
 @pytest.mark.parametrize("moving", ["carrier_01", "bin_02"])
-def test_who_moves_in_the_bay_begins_again(moving):
+def test_a_carrier_or_bin_that_moves_in_the_bay_begins_again(moving):
     bay = carriers_in_bay(BAY_X)
     bay.drive(40)
     bay.drive(1, **{moving: Twist(0.01)})
@@ -237,7 +237,7 @@ def test_a_bin_not_full_or_not_on_a_carrier_stays_loaded():
     assert picker.world.delivered == 0
 
 
-def test_one_bin_at_a_time_is_unloaded_and_who_began_goes_on():
+def test_one_bin_at_a_time_is_unloaded_from_begin_to_end():
     """To unload takes 50 ticks at rest. carrier_01 turns in the first one, so bin_04 begins."""
     bay = carriers_in_bay(BAY_X - 1.5, BAY_X + 1.7)
     bay.drive(1, carrier_01=Twist(yaw=0.01))

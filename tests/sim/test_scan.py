@@ -108,7 +108,7 @@ def test_a_bin_looks_all_around():
     assert scan_of(world)[[0, 15, 30, 45]] == pytest.approx([2.5, 3.5, 4.5, 5.5], abs=1e-6)
 
 
-def test_nobody_sees_a_weed_and_a_weed_sees_everybody():
+def test_no_body_sees_a_weed_and_a_weed_sees_all_bodies():
     world = world_of(("worker", Pose(0, 0, 0)), ("weed", Pose(2, 0, 0)))
     worker, weed = Scanner(world).scan(world)
     assert np.isinf(worker).all()
@@ -200,7 +200,7 @@ def test_a_range_beyond_ten_metres_is_no_return():
     assert not (ahead == LASER_RANGE).any(), "a range that is too long is not cut to 10 m"
 
 
-def test_everybody_is_told_its_place_and_its_hitch():
+def test_each_body_is_told_its_place_and_its_hitch():
     with_bin = picker_with_bin(yaw=NORTH)
     with_bin.world.fill[1] = 70.0
     with_bin.drive(1, picker_01=Twist(0.3))

@@ -92,13 +92,13 @@ def test_all_robots_stand_and_people_and_animals_walk_on():
 
 
 @pytest.mark.parametrize("word", ["picker_99", "worker", "worker_01", "traffic", ""])
-def test_a_word_that_means_no_robot_stops_nobody(driven, word):
+def test_a_word_that_means_no_robot_stops_no_robot(driven, word):
     with pytest.raises(ValueError, match="no such agent or kind; there are bin, carrier, picker"):
         driven.local.engine.stop(["picker_01", word])
     assert not driven.world.stopped.any()
 
 
-def test_who_is_stopped_is_not_stopped_again(driven):
+def test_a_robot_that_is_stopped_is_not_stopped_again(driven):
     """A reset of other robots does not concern it."""
     engine = driven.local.engine
     engine.stop(["picker"])
@@ -241,7 +241,7 @@ def test_a_foreign_clients_velocity_moves_no_stopped_robot(fleet):
     fleet.stop()
 
 
-def test_what_is_refused_is_answered_and_stops_nobody(fleet):
+def test_what_is_refused_is_answered_and_stops_no_robot(fleet):
     fleet.physics(SMALL, "--absent", "picker_01")
     someone = fleet.client()
     assert (

@@ -46,8 +46,8 @@ COMMANDS = {
 def test_no_study_replaces_a_file_of_others(command, tmp_path):
     """It is told before the work begins, and the file stays.
 
-    `words_of_refusal` puts files of a user where the command would write. It returns their names, and
-    what the command says.
+    `words_of_refusal` puts files of a user where the command would write. It returns their names,
+    and what the command says.
     """
     written, told = words_of_refusal(COMMANDS[command], tmp_path)
     # A study names all these files at once, and the others name the first.

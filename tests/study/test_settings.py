@@ -202,7 +202,7 @@ def test_a_policy_of_the_users_own_may_draw_by_the_seed() -> None:
     ] == [False, True]
 
 
-def test_a_long_run_of_who_is_away_is_refused():
+def test_a_long_run_with_a_picker_away_is_refused():
     away = Scenario(picker_absences={"picker_01": [[0.0, 1.0]]})
     (problem,) = checked_settings(away, {}, StudyOptions())[1]
     assert "choose --horizon harvest" in problem.text

@@ -1,4 +1,7 @@
-"""What is paid for what, against sums by hand with round figures."""
+"""What is paid for what, against sums by hand with round figures.
+
+The costs are those of a bin. Prices have no currency.
+"""
 
 from typing import Any
 
@@ -20,7 +23,9 @@ def four_pickers(**prices: Any) -> Scenario:
 
 
 def test_all_that_is_paid_adds_up_in_the_long_run() -> None:
-    """At 10 bins an hour, an hour costs 100, 20, 30 and 10, and a bin costs 2 and 1."""
+    """At 10 bins an hour. An hour costs 4 * 25 = 100 for pickers and 30 of overhead; a day of 8 h
+    costs 2 * 80 for carriers, 20 an hour, and 80 of overhead, 10 an hour. A bin costs 2 and 1 more.
+    """
     scenario = four_pickers(
         picker_per_hour=25.0,
         picker_per_bin=2.0,
@@ -40,7 +45,9 @@ def test_all_that_is_paid_adds_up_in_the_long_run() -> None:
 
 
 def test_a_picker_gets_the_least_of_a_day() -> None:
-    """Of 4 bins an hour each picker fills 8 a day, for 80: so 40 more are paid for its 8 bins."""
+    """At 4 bins an hour each of 4 pickers fills 8 a day, and earns 80. It gets 120 at least: so 40
+    more, 5 a bin. At 6 an hour it earns 120.
+    """
     scenario = four_pickers(picker_per_bin=10.0, picker_least_per_day=120.0)
     paid = payments_of_long_run(scenario, 4.0, EIGHT_HOURS)
     assert paid == {"picker_bins": pytest.approx(10.0), "picker_least": pytest.approx(5.0)}
@@ -56,7 +63,9 @@ def test_a_day_that_is_begun_is_paid_as_a_whole() -> None:
 
 
 def test_the_least_is_paid_for_each_day_by_itself() -> None:
-    """8 h earn 80 and 4 h earn 40, and 100 are paid for either: 20 and 60 more."""
+    """24 bins at 2 an hour take 12 h: 8 h of the first day earn 80, and 4 h of the second 40. At
+    least 100 are paid for each day: so 20 and 60 more.
+    """
     scenario = four_pickers(picker_per_hour=10.0, picker_least_per_day=100.0)
     paid = payments_of_harvest(scenario, 24, 2.0, EIGHT_HOURS)
     assert paid["picker_least"] == pytest.approx(4 * (20.0 + 60.0) / 24)

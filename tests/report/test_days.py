@@ -9,9 +9,10 @@ from orchard.report.days import WorkDays, work_days
 from orchard.report.limits import limit_of_question
 from orchard.report.metrics import HarvestFigures, harvest_figures
 
-# 9.5 h without 1 h of breaks.
+# From 07:00 to 16:30 are 9.5 h, of which 1 h are breaks.
 SHIFT = WorkShift(begin="07:00", end="16:30", breaks=[["10:00", "10:15"], ["12:00", "12:45"]])
 HOUR = 3600.0
+# A time of work, s, and the day and hour at which it is reached.
 TIMES = [
     (0.0, "day 1 at 07:00"),
     (2.0 * HOUR, "day 1 at 09:00"),
@@ -37,7 +38,8 @@ def test_the_work_of_a_day_ends_before_carriers_must_be_home() -> None:
     bounds = limit_of_question(scenario)
     days = work_days(scenario, bounds)
     assert days is not None
-    longest = max(times[3] for times in bounds.of_pickers.values())
+    # The longest round of a carrier, s.
+    longest = max(times.cycle for times in bounds.of_pickers.values())
     assert 10.0 < longest < HOUR
     assert days.day_seconds == 8.5 * HOUR - longest
     assert days.words(8.5 * HOUR - longest + 60.0) == "day 2 at 07:01"
@@ -50,6 +52,7 @@ def test_a_shift_is_written_and_read() -> None:
 
 
 def test_a_run_tells_the_day_and_is_the_same_with_a_shift() -> None:
+    """650 ticks are 65 s, one minute after the shift begins."""
     runs = [Local(Scenario(rows=3, shift=shift)) for shift in (SHIFT, WorkShift())]
     days = []
     for run in runs:
@@ -61,6 +64,7 @@ def test_a_run_tells_the_day_and_is_the_same_with_a_shift() -> None:
     assert runs[0].engine.hash == runs[1].engine.hash
 
 
+# A scenario with a shift that cannot be, and what is said of it.
 MISTAKES = [
     (
         'shift: {begin: "16:30", end: "07:00"}',

@@ -1,5 +1,8 @@
 """No long run is faster than the limit, and no battery changes the roads of what it is compared
 with.
+
+The limit (`Bounds`) is the rate, bins an hour, that pickers, carriers and the bay allow together
+without traffic. A long run is a harvest without end in the event model.
 """
 
 import pytest
@@ -15,6 +18,7 @@ from orchard.report.long_run import long_run
 from orchard.report.losses import lost_seconds
 
 DRAWN = {"distribution": "lognormal", "cv": 0.28}
+# People who pick by hand: a bin an hour and a half, in rows that take unlike times.
 BY_HAND = {
     "rows": 12,
     "pickers": 3,
@@ -83,7 +87,9 @@ def test_a_long_run_keeps_its_limit_with_a_far_end():
 
 
 def test_a_long_run_keeps_its_limit_with_other_service_times():
-    """One of six pickers waits long in the first half, so its last rounds alone are too fast."""
+    """With these times, which a seed draws, one of six pickers waits long in the first half of the
+    run. So a rate over the last rounds alone would be too high.
+    """
     assert_within_limit(
         {
             "pickers": 6,
@@ -102,7 +108,7 @@ def test_a_long_run_keeps_its_limit_with_other_service_times():
 
 @pytest.mark.parametrize("carriers", [1, 2])
 def test_a_long_run_keeps_its_limit_where_near_bins_come_first(carriers):
-    """The near picker fills 1.4 times as many bins as the far one."""
+    """The policy prefers near bins: the near picker fills 1.4 times as many bins as the far one."""
     assert_within_limit(
         {
             "pickers": 2,
@@ -125,7 +131,7 @@ def test_no_long_run_exceeds_its_limit_where_rows_are_alike(values):
     assert_within_limit(values)
 
 
-# Its last bins are part full: three bins have the fruit of 2.01.
+# An orchard whose last bins are part full: three bins have the fruit of 2.01.
 PART_FULL = {
     "rows": 3,
     "pickers": 3,
@@ -190,6 +196,7 @@ def test_the_limit_is_that_of_the_means_where_rows_are_alike(bins_per_row):
     layout = lay_out(
         empty_orchard(rows=6, pickers=2, picking_speed=0.05, bins_per_row=bins_per_row)
     )
+    # Two pickers fill a bin each in `bin_seconds`. Their shares differ by less than 0.5 %.
     bounds = Bounds(layout)
     assert 0.995 < bounds.terms["pickers"] * bounds.bin_seconds / 2 < 1.005
     carriers = layout.scenario.carrier_count
@@ -200,8 +207,8 @@ def test_the_limit_is_that_of_the_means_where_rows_are_alike(bins_per_row):
 def test_a_picker_that_comes_out_of_its_row_crosses_once(route):
     """While it comes out, it already waits for its carrier, and that counts once.
 
-    With many carriers that leave early, two more rows of each picker take twice what the limit
-    allows for a bin, or a little more.
+    With many carriers that leave early, no picker waits longer than it must. So four rows more, two
+    for each picker, take twice what the limit allows for a bin, or up to 2 % more.
     """
     layouts = [
         lay_out(
@@ -240,7 +247,9 @@ def with_slow_carriers(times):
 
 @pytest.mark.parametrize("beside_the_model", [0.0, 0.1, 5.0])
 def test_a_battery_that_never_runs_down_costs_nothing(beside_the_model):
-    """That holds, too, if the harvest takes longer than the event model says."""
+    """That holds, too, if the harvest takes longer than the event model says, by `beside_the_model`
+    s.
+    """
     battery = {"hours": 200.0, "hours_to_charge": 0.5, "reserve": 0.0}
     layout = lay_out(
         empty_orchard(

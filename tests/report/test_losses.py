@@ -1,4 +1,8 @@
-"""What a harvest was lost to: trailers, a truck, empty bins or pickers that were not there."""
+"""What a harvest was lost to: trailers, a truck, empty bins or pickers that were not there.
+
+The length of a harvest is split into parts, s: the proven optimum, and what was lost to the
+dispatch policy, to traffic, to waits at the load-out, to charging, to absences.
+"""
 
 from typing import Any
 
@@ -13,6 +17,8 @@ from orchard.report.late_absences import notes_on_absences
 from orchard.report.losses import lost_seconds
 from orchard.report.rare_truck import notes_on_truck
 
+# A truck that brings two empty bins every 300 s; two trailers of two bins that are away for 150 s;
+# and one that is away for 800 s.
 TRUCK = {"truck": {"every": 300.0, "bins": 2}, "empty_bins": 2}
 TRAILERS = {"seconds_away": 150.0, "trailers": {"count": 2, "bins": 2}, "empty_bins": 3}
 FAR = {"seconds_away": 800.0, "trailers": {"count": 1, "bins": 2}}
@@ -42,6 +48,7 @@ def test_waits_in_the_bay_are_no_loss_to_others(load_out: dict[str, Any], dispat
 
 
 def test_batteries_and_the_bay_have_parts_of_their_own() -> None:
+    """In this orchard both cost some minutes, and little is left for traffic and policy."""
     battery = {"battery": {"hours": 0.3, "standing": 0.0}}
     near = {"seconds_away": 300.0, "trailers": {"count": 1, "bins": 2}}
     layout = small(near, rows=8, carriers=1, carrying=battery, chargers=1)
@@ -54,6 +61,7 @@ def test_batteries_and_the_bay_have_parts_of_their_own() -> None:
 
 
 def test_carriers_that_are_away_themselves_are_no_wait() -> None:
+    """Without trailers a carrier takes its bin to the load-out: that is its work."""
     assert "load_out" not in lost(small({"seconds_away": 100.0}))
 
 
@@ -63,6 +71,7 @@ def test_the_schedule_lasts_until_the_last_trailer_is_back() -> None:
     assert harvest.seconds - 40.0 < schedule_seconds(layout) <= harvest.seconds
 
 
+# A truck that comes after the harvest of six bins.
 RARE = {"every": 3600.0, "bins": 2}
 
 
@@ -89,10 +98,13 @@ def test_a_truck_that_comes_too_rarely_is_told(
 
 @pytest.mark.parametrize("load_out", [{}, TRAILERS], ids=["bay", "trailers"])
 def test_an_absence_is_no_loss_to_the_policy(load_out: dict[str, Any]) -> None:
-    """The policy was told to be the cause: its part is that of a harvest with nobody away."""
+    """The policy's part is that of a harvest in which nobody is away: the policy is not the cause.
+
+    picker_01 is away from 0.01 h to 0.2 h.
+    """
     parts = lost(small(load_out, picker_absences={"picker_01": [[0.01, 0.2]]}))
     present = lost(small(load_out))
-    # It is away for 684 s, and the harvest takes some 430 s without that.
+    # These are 684 s, and the harvest takes some 430 s without that.
     assert parts["absences"] > 300.0
     assert parts["dispatch"] == pytest.approx(present["dispatch"], abs=0.2)
 

@@ -1,4 +1,9 @@
-"""The figures of a run, their course, the ideals beside them, and how a jam is told."""
+"""The figures of a run, their course, the ideals beside them, and how a jam is told.
+
+Beside the length of a harvest stand two ideals: its schedule, the length with the same policy on
+free roads; and what is proven to be possible. A run is jammed after 600 s without progress; the
+fixture `soon_jammed` makes that 120 s.
+"""
 
 import sys
 import time
@@ -42,7 +47,10 @@ def test_ten_minutes_of_nothing_are_a_jam_with_names():
     ("stands", "x", "named"),
     [("worker_01", 38.75, "worker_01 ahead"), ("carrier_02", 41.0, "bin_04 of carrier_02 ahead")],
 )
-def test_a_jam_names_who_is_in_the_way(soon_jammed, stands, x, named):
+def test_a_jam_names_what_is_in_the_way(soon_jammed, stands, x, named):
+    """A worker stands on the delivery road, or a carrier beside it whose bin reaches into it, 6 m
+    north of the first row.
+    """
     orchard = empty_orchard(people=People(workers=1, visitors=0), dispatch=NEAREST)
     stage = Stage(orchard, **{name: Standing() for name in ("worker_01", "carrier_02")})
     stage.put(stands, x, 17.0)
@@ -51,7 +59,7 @@ def test_a_jam_names_who_is_in_the_way(soon_jammed, stands, x, named):
     assert named in stage.account.message("run", {}).waits_for["carrier_01"]
 
 
-def test_a_run_in_which_somebody_works_is_not_jammed(soon_jammed):
+def test_a_run_in_which_a_robot_works_is_not_jammed(soon_jammed):
     stage = Stage(empty_orchard(picking_speed=0.02))
     stage.run(140)
     assert stage.account.jam == []
@@ -73,6 +81,7 @@ def test_an_agent_that_is_silent_at_times_makes_no_progress():
 
 @pytest.mark.parametrize(("rows", "jams"), [(20, True), (100, False)])
 def test_a_drive_home_of_more_than_ten_minutes_is_no_jam(rows, jams):
+    """Past 100 rows of 5.5 m a drive takes longer than 600 s, in which nothing else may happen."""
     world = Stage(empty_orchard(rows=rows)).world
     world.tick = 6000
     assert HarvestFigures().jammed(world) == jams
@@ -91,8 +100,10 @@ def test_the_figures_of_a_whole_harvest():
     figures = stage.account.figures()
     assert figures["rows_picked"] == 4
     assert figures["bins_delivered"] == 4
+    # Each picker drives from x = -35.5 m, through its row, to where it parks.
     assert figures["distance_metres"]["picker"] == pytest.approx(4 * (OneWay.PARKED + 35.5))
-    assert figures["bins_per_hour"] == pytest.approx(4 * 36000 / stage.world.tick)
+    # An hour has 36,000 ticks.
+    assert figures["bins_per_hour"] == pytest.approx(4 * 36_000 / stage.world.tick)
     assert len(stage.account.as_data()["harvest"]["waits"]) == 4
     assert figures["bins_per_hour"] <= figures["limit_bins_per_hour"]
     assert 0.5 < figures["carrier_utilisation"] <= 1.0
@@ -180,6 +191,8 @@ def test_an_unhindered_carrier_takes_its_closed_form_time():
         x, y, _ = stage.pose("carrier_01")
         return abs(x - 35.4) < 1e-6 and y > 24
 
+    # The first bin calls when it is full, after 70 m at 1 m/s. `cycle_seconds` is a mean of all
+    # rows, and the first row is up to 20 s off it.
     called = stage.run_until(has_job, 90)
     took = stage.run_until(lambda: stage.world.delivered == 1, 600)
     took += stage.run_until(is_home, 200)
@@ -191,6 +204,7 @@ def test_an_unhindered_carrier_takes_its_closed_form_time():
     ("pickers", "carriers", "traffic"), [(2, 1, 0.02), (4, 4, 0.15), (2, 6, 0.07)]
 )
 def test_a_harvest_takes_as_long_as_its_schedule_and_its_traffic(pickers, carriers, traffic):
+    """`traffic`: by which share it may make the harvest longer, a bound that was measured once."""
     stage = harvested(pickers, carriers)
     scheduled = schedule_seconds(stage.world.layout)
     assert scheduled <= stage.seconds <= (1 + traffic) * scheduled
@@ -255,6 +269,7 @@ RTK = {"sensors": {"gnss": {"white": 0.01, "bias": 0.02}}}
     ],
 )
 def test_what_a_harvest_lost_adds_up_to_its_length(changes):
+    """A harvest of 700 s is longer than any ideal of this orchard."""
     scenario = empty_orchard(rows=4, pickers=2, carriers=2, **changes)
     seconds = 700.0
     lost = lost_seconds(lay_out(scenario), seconds)
@@ -266,6 +281,7 @@ def test_what_a_harvest_lost_adds_up_to_its_length(changes):
 
 
 def test_no_schedule_is_shorter_than_what_is_proven():
+    """Here the policy is as good as what is proven, so nothing was lost to it."""
     lost = lost_seconds(
         lay_out(
             empty_orchard(rows=5, bins_per_row=2, carriers=5, route="two-way", dispatch="rolling")
@@ -292,6 +308,7 @@ def test_what_batteries_cost_is_not_a_loss_to_the_policy():
 def test_without_a_solver_the_parts_still_add_up(monkeypatch):
     layout = lay_out(empty_orchard(rows=5, pickers=2, carriers=2))
     with_solver = lost_seconds(layout, 700.0)
+    # `_proven` keeps its answers. The function beneath it asks anew, and finds no solver.
     monkeypatch.setattr(bounds, "_proven", bounds._proven.__wrapped__)
     monkeypatch.setitem(sys.modules, "orchard.optimum.schedule", None)
     without = lost_seconds(layout, 700.0)
@@ -347,6 +364,9 @@ def test_the_course_of_a_harvest_ends_with_its_figures():
 
 
 def test_a_long_run_has_few_samples_also_when_resumed(monkeypatch):
+    """A sample is taken every 10 s. Of more than 8 samples every second one is dropped: from then
+    on one is taken every 20 s. The last one is that of the end.
+    """
     monkeypatch.setattr(metrics, "MOST_SAMPLES", 8)
     stage = Stage(empty_orchard(rows=4, pickers=2, carriers=2))
     stage.run(100.0)

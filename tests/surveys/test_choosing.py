@@ -1,4 +1,9 @@
-"""Which features of a file are rows: the others are named and left out; blocks are told."""
+"""Which features of a file are rows: the others are named and left out; blocks are told.
+
+A feature is a line, an area or a point in a file of a surveyor. `pair` turns a point in the frame
+of the rows, a complex number (x east, y north, m), into coordinates of a file.
+`straight_rows` are 5 rows of 60 m, 6 m apart, named r1 to r5 from the north.
+"""
 
 import pytest
 from made_surveys import feature, pair, straight_rows, write_features
@@ -9,6 +14,7 @@ from orchard.surveys.options import ImportOptions
 
 pytest.importorskip("pyproj", reason="pyproj is missing: pip install 'orchard-sim[survey,dev]'")
 
+# The outline of the block of `straight_rows`.
 CORNERS = [0j, 60 + 0j, 60 - 24j, -24j, 0j]
 RING = [pair(corner) for corner in CORNERS]
 
@@ -54,7 +60,10 @@ def test_a_road_among_the_rows_can_be_left_out_by_its_name(tmp_path):
 
 
 def blocks(shift: complex, key: str = "block") -> list[dict]:
-    """Two blocks of rows, the second one shifted."""
+    """Return two blocks of four rows, A and B, the second one shifted by so many m.
+
+    `key`: the property of a feature that names its block.
+    """
     features = []
     for name, offset in (("A", 0j), ("B", shift)):
         for i in range(4):
@@ -94,7 +103,11 @@ def test_curved_rows_are_refused_with_equal_rows_to_ask_about(tmp_path):
 
 
 def test_equal_rows_that_cannot_be_are_not_offered(tmp_path):
-    """Lines that end where they begin are as long as they reach; others are too short for rows."""
+    """Instead of rows that do not fit, equal rows are offered, if they are long enough for rows.
+
+    Lines that end where they begin are as long as they reach. One of them is askew. Rows of 3 m are
+    too short.
+    """
     there_and_back = [[pair(-6j * i), pair(60 - 6j * i), pair(-6j * i)] for i in range(4)]
     there_and_back[3][1] = pair(60 - 15j)
     features = [feature("LineString", line, row=f"r{i}") for i, line in enumerate(there_and_back)]

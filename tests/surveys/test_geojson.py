@@ -1,5 +1,9 @@
 """Surveyed rows from GeoJSON: the same scenario from any coordinate system, and each line that does
 not fit is told with its id.
+
+Rows are drawn in a frame of their own: a point is a complex number, x along the rows and y towards
+the north, m; `THERE` is its origin on the map, and `yaw` turns it, rad. An EPSG code names a
+coordinate system; EPSG:2193 is that of New Zealand.
 """
 
 import cmath
@@ -39,6 +43,7 @@ WKT = (
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory) -> Path:
+    """Return the file that each test writes anew."""
     return tmp_path_factory.mktemp("survey") / "rows.geojson"
 
 
@@ -48,10 +53,13 @@ def import_rows(path: Path, crs: str | None = None) -> Scenario:
 
 def lines_of(drawn: list[Row] | tuple[Row, ...]) -> dict[str, list[complex]]:
     """Return the lines of rows by id, every second one from east to west, as a surveyor walks."""
-    return {
-        f"r{number}": points_of(row)[:: 1 if number % 2 else -1]
-        for number, row in enumerate(drawn, start=1)
-    }
+    lines = {}
+    for number, row in enumerate(drawn, start=1):
+        points = points_of(row)
+        if number % 2 == 0:
+            points.reverse()
+        lines[f"r{number}"] = points
+    return lines
 
 
 def error_of(file: Path, crs: str | None = None) -> str:
@@ -70,6 +78,8 @@ def test_any_legal_survey_is_laid_out_without_overlaps(
     scenario = import_rows(write_geojson(file, dict(order), yaw))
     layout = lay_out(scenario)
     survey = scenario.survey
+    # Rows come in their order from the north, whatever the order in the file. A scenario has them
+    # in mm.
     assert [row.id for row in survey.rows] == list(lines_of(drawn))
     for row, wanted in zip(survey.rows, drawn, strict=True):
         assert (row.south, row.start, row.length) == pytest.approx(wanted, abs=0.002)
@@ -86,6 +96,7 @@ def test_any_legal_survey_is_laid_out_without_overlaps(
 @settings(max_examples=10)
 @given(noise=st.lists(st.floats(-0.2, 0.2), min_size=3, max_size=3), yaw=st.floats(-1.5, 1.5))
 def test_a_row_may_be_as_crooked_as_the_limit_says(file: Path, noise: list[float], yaw: float):
+    """Points between the ends of a row may be 0.2 m off the straight line, here 0.99 of that."""
     lines = lines_of([Row(7.0 * i, 0.0, 60.0) for i in range(4)])
     lines["r2"] = [
         point + 0.99j * off for point, off in zip(lines["r2"], [0.0, *noise, 0.0], strict=True)
@@ -117,6 +128,10 @@ def test_the_same_rows_come_from_any_coordinate_system(crs: str, file: Path):
 
 
 def test_rows_from_south_to_north_turn_by_the_smaller_angle(file: Path):
+    """A yaw is at most 90 degrees: rows at 100 degrees are taken from their other ends, at -80.
+
+    Then the last row lies in the north.
+    """
     scenario = import_rows(write_geojson(file, lines_of(UNEQUAL), math.radians(80.0)))
     assert scenario.survey.origin.yaw == pytest.approx(math.radians(80.0), abs=1e-6)
     back = import_rows(write_geojson(file, lines_of(UNEQUAL), math.radians(100.0))).survey
@@ -126,7 +141,11 @@ def test_rows_from_south_to_north_turn_by_the_smaller_angle(file: Path):
 
 @pytest.mark.parametrize("crs", ["EPSG:5513", "EPSG:2053"])
 def test_a_system_that_counts_south_mirrors_no_rows(crs: str, file: Path):
-    """EPSG:5513 counts to the south and then the west, EPSG:2053 to the west and then the south."""
+    """EPSG:5513 counts to the south and then the west, EPSG:2053 to the west and then the south.
+
+    The import turns to the UTM zone of the place, which counts to the east and the north. `there`
+    is a place in it.
+    """
     utm = {"EPSG:5513": "EPSG:32633", "EPSG:2053": "EPSG:32735"}[crs]
     there = {
         "EPSG:5513": complex(500_000.0, 5_538_000.0),
@@ -197,6 +216,7 @@ def test_an_odd_name_stays_the_name_in_the_scenario_file(name: str, file: Path):
     assert parse(to_short_yaml(scenario)) == scenario
 
 
+# What makes a line no row, given its points, and what is said of it.
 BROKEN = {
     "bent": (
         lambda points: [*points[:2], points[2] + 0.5j, *points[3:]],
@@ -251,15 +271,20 @@ def test_a_line_outside_the_limits_is_refused_with_its_id(
 def test_rows_too_near_or_too_far_are_refused_with_the_id(
     file: Path, drawn: list[Row], by: float, yaw: float, data
 ):
+    """A row, and all south of it, move, until it is nearer to the one before than rows may be, or
+    further, by `by`, m.
+    """
     number = data.draw(st.integers(2, len(drawn)))
-    sign = data.draw(st.sampled_from([-1, 1]))
+    is_too_near = data.draw(st.booleans())
     gap = drawn[number - 1].south - drawn[number - 2].south
-    # The row, and all south of it, move.
-    off = (gap - CLOSEST + by) * 1j if sign < 0 else (gap - WIDEST_GAP - by) * 1j
-    lines = {
-        name: [p + (off if i >= number else 0) for p in points]
-        for i, (name, points) in enumerate(lines_of(drawn).items(), start=1)
-    }
+    if is_too_near:
+        to_north = gap - (CLOSEST - by)
+    else:
+        to_north = gap - (WIDEST_GAP + by)
+    lines = lines_of(drawn)
+    for i, (name, points) in enumerate(lines.items(), start=1):
+        if i >= number:
+            lines[name] = [point + to_north * 1j for point in points]
     words = "must be 3.65 to 60 m from centre line to centre line"
     assert any(
         f"feature r{number}: " in problem and words in problem
@@ -290,6 +315,7 @@ def line(coordinates: str) -> str:
 
 
 TEXT = SAMPLE.read_text()
+# The text of a file, the coordinate system that a user names, and what is said.
 UNUSABLE = [
     ("{", None, "is not JSON"),
     ("[1, 2]", None, "must be a GeoJSON FeatureCollection"),

@@ -1,4 +1,7 @@
-"""KML: rows, folders and outlines as Google Earth writes them; what is unsafe is refused."""
+"""KML: rows, folders and outlines as Google Earth writes them; what is unsafe is refused.
+
+A placemark of KML is a feature: a name and a line, an area or a point, in degrees.
+"""
 
 import pytest
 
@@ -12,7 +15,11 @@ HEAD = '<?xml version="1.0" encoding="UTF-8"?>'
 
 
 def line(number: int, west: float = 0.0) -> str:
-    """Return a row of 97 m, 6 m south of the one before it."""
+    """Return the line of a row of 97 m, 6 m south of the one with the number before.
+
+    `west`: how much further east it begins, degrees of longitude. Its third coordinate, 12 m, is a
+    height.
+    """
     north = -37.79 - 0.000054 * number
     begin = f"{176.325 + west},{north},12"
     points = f" {begin} {176.3261 + west},{north},12 "
@@ -51,6 +58,7 @@ def error_of(path, text: str) -> str:
 def test_placemarks_are_rows_and_the_others_are_left_out(tmp_path, prefix: str):
     shed = placemark("Shed", "<Point><coordinates>176.325,-37.791</coordinates></Point>")
     text = kml(*ROWS, shed, placemark("Note", ""))
+    # As some programs write it: each tag has a prefix.
     if prefix:
         text = text.replace("</", "~").replace("<", "<kml:").replace("~", "</kml:")
         text = text.replace("<kml:?xml", "<?xml").replace("xmlns=", "xmlns:kml=")
@@ -79,6 +87,7 @@ def test_pieces_of_a_placemark_are_one_row(tmp_path):
     assert "joined from pieces in one line: r1 (2 pieces)" in result.notes
 
 
+# Entities that contain each other many times, by which a small file would fill the memory.
 BOMB = '<!DOCTYPE kml [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;">]>'
 
 

@@ -1,4 +1,8 @@
-"""GeoPackage and Shapefile: the same rows as from GeoJSON, and what is missing is told."""
+"""GeoPackage and Shapefile: the same rows as from GeoJSON, and what is missing is told.
+
+A GeoPackage is one file with layers. A Shapefile is several files: .shp has the lines, .shx their
+index, .dbf their names, and .prj the coordinate system.
+"""
 
 import json
 import sys
@@ -49,7 +53,7 @@ def test_layers_give_the_rows_of_geojson(tmp_path, ending: str):
 
 
 def test_a_packed_shapefile_is_read_with_what_belongs_to_it(tmp_path):
-    """The .prj beside it says the coordinate system."""
+    """The archive has all files of the Shapefile, in a folder."""
     write(tmp_path / "rows.shp", straight_rows())
     archive = tmp_path / "rows.zip"
     with ZipFile(archive, "w") as packed:

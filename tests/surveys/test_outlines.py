@@ -1,4 +1,8 @@
-"""Polygons are rows, or the outline of a block in which rows are laid out."""
+"""Polygons are rows, or the outline of a block in which rows are laid out.
+
+With --spacing the import lays rows out in an outline. A headland is what they leave at both ends.
+`pair` turns a point of the rows' frame (x east, y north, m) into coordinates of a file.
+"""
 
 import math
 
@@ -52,12 +56,13 @@ def test_long_polygons_are_rows_by_their_centre_lines(tmp_path):
 
 @pytest.fixture
 def outline(tmp_path):
-    """Return a file with the outline of a block."""
+    """Return a file with the outline of a block of 120 m by 50 m."""
     block = feature("Polygon", box(0.0, -50.0, 120.0, 0.0), name="Top")
     return write_features(tmp_path / "a.geojson", [block])
 
 
 def test_rows_are_laid_out_in_an_outline(outline):
+    """Ten rows, 5 m apart, in 50 m; they leave 8 m of 120 m at both ends."""
     imported = import_survey(outline, ImportOptions(spacing=5.0, headland=8.0, direction=BEARING))
     rows = imported.scenario.survey.rows
     assert [row.south for row in rows] == pytest.approx([5.0 * i for i in range(10)], abs=0.01)
@@ -91,6 +96,7 @@ def test_an_outline_alone_is_asked_about(outline):
 
 
 def test_short_corners_of_an_outline_are_left_out(tmp_path):
+    """In a triangle of 120 m by 60 m rows get shorter; those under 20 m are left out."""
     corners = [0j, 120 + 0j, 60 - 60j]
     triangle = [[pair(corner) for corner in [*corners, corners[0]]]]
     path = write_features(tmp_path / "a.geojson", [feature("Polygon", triangle, name="Top")])
@@ -119,7 +125,9 @@ HOLE = [pair(corner) for corner in (30 - 20j, 40 - 20j, 40 - 30j, 30 - 30j, 30 -
 
 
 def test_an_outline_with_a_hole_is_refused(tmp_path):
-    """The rows would lead through the hole. A shed with a yard is left out as before."""
+    """The rows would lead through the hole. Beside lines of rows, such an area is no outline, and
+    is left out.
+    """
     outline = [*box(0.0, -50.0, 120.0, 0.0), HOLE]
     several = [[*box(0.0, -50.0, 120.0, 0.0), HOLE, HOLE]]
     for kind, rings, holes in (("Polygon", outline, "a hole"), ("MultiPolygon", several, "2 hole")):

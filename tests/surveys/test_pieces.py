@@ -1,4 +1,7 @@
-"""Pieces of one row are joined, and a gap between them is told."""
+"""Pieces of one row are joined, and a gap between them is told.
+
+The second of five rows is drawn in two pieces. A row is 60 m long.
+"""
 
 import pytest
 from made_surveys import feature, pair, straight_rows, write_features
@@ -10,6 +13,7 @@ pytest.importorskip("pyproj", reason="pyproj is missing: pip install 'orchard-si
 
 
 def line(south: float, west: float, east: float) -> list[list[float]]:
+    """Return the coordinates of a line `south` m south of the first row, from x to x, m."""
     return [pair(complex(west, -south)), pair(complex(east, -south))]
 
 

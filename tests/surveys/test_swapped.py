@@ -13,7 +13,7 @@ pyproj = pytest.importorskip(
 
 
 def swapped(features: list[dict]) -> list[dict]:
-    """Swap the coordinates of features."""
+    """Swap the coordinates of features, in place. Return them."""
     for row in features:
         geometry = row["geometry"]
         geometry["coordinates"] = [[y, x] for x, y in geometry["coordinates"]]
@@ -24,6 +24,7 @@ def rows_at(longitude: float, latitude: float) -> list[dict]:
     """Return rows somewhere on the earth, in longitude and latitude."""
     features = straight_rows()
     middle = features[2]["geometry"]["coordinates"][0]
+    # m, of a degree of latitude. Degrees of longitude are shorter: so rows are, too.
     degree = 111_000.0
     for row in features:
         geometry = row["geometry"]
@@ -70,6 +71,7 @@ def test_northing_before_easting_is_found(tmp_path):
 
 
 def test_coordinates_in_the_sea_can_be_kept(tmp_path):
+    """A user may say that they are right as they are."""
     path = write_features(tmp_path / "a.geojson", swapped(rows_at(20.0, -33.0)), None)
     imported = import_survey(path, ImportOptions(swap_coordinates=False))
     assert imported.latitude == pytest.approx(20.0, abs=0.01)

@@ -1,4 +1,7 @@
-"""CSV: ends of rows or trees, with the separators, decimal signs and encodings of offices."""
+"""CSV: ends of rows or trees, with the separators, decimal signs and encodings of offices.
+
+A table has a line for each end of a row, or a line for both ends, or one for each tree.
+"""
 
 import codecs
 
@@ -38,6 +41,8 @@ def lengths(result) -> list[float]:
     return [row.length for row in result.scenario.survey.rows]
 
 
+# Three rows of 99.9 m, 6 m apart: a line for each end, and then with both ends in a line, with
+# decimal commas.
 DEGREES = """Latitude,Longitude,Row
 -37.7900010,176.3250238,r1
 -37.7897045,176.3260951,r1
@@ -46,7 +51,7 @@ DEGREES = """Latitude,Longitude,Row
 -37.7901030,176.3250687,r3
 -37.7898065,176.3261399,r3
 """
-HALF = """row;start_lat;start_lon;end_lat;end_lon
+BOTH_ENDS = """row;start_lat;start_lon;end_lat;end_lon
 r1;-37,7900010;176,3250238;-37,7897045;176,3260951
 r2;-37,7900520;176,3250463;-37,7897555;176,3261175
 r3;-37,7901030;176,3250687;-37,7898065;176,3261399
@@ -60,10 +65,20 @@ r3;-37,7901030;176,3250687;-37,7898065;176,3261399
         DEGREES.replace("\n", "\r\n"),
         DEGREES.replace(",", "\t"),
         DEGREES.replace(",", ";").replace(".", ","),
-        HALF,
+        BOTH_ENDS,
         DEGREES.encode("utf-16"),
         codecs.BOM_UTF8 + DEGREES.encode(),
         DEGREES.replace("r1", '"Reihe, 1"').replace("r2", "Süd").encode("latin-1"),
+    ],
+    ids=[
+        "commas",
+        "lines of Windows",
+        "tabs",
+        "semicolons and decimal commas",
+        "both ends in a line",
+        "UTF-16",
+        "UTF-8 with a mark",
+        "Latin-1",
     ],
 )
 def test_ends_of_rows_are_read_in_any_form_of_csv(tmp_path, text):
@@ -92,6 +107,7 @@ def test_eastings_need_a_system(tmp_path):
 
 @pytest.mark.parametrize("head", ["tree,row,x,y", "plant,block,x,y"])
 def test_trees_in_a_table_are_lines_of_trees(tmp_path, head: str):
+    """Five lines of 11 trees, 3 m apart: 30 m long, with four lanes between them."""
     lines = [head]
     for i in range(5):
         for j in range(11):

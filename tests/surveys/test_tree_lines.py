@@ -1,4 +1,8 @@
-"""Lines of trees and lanes: how a file is understood is told, and the user can say otherwise."""
+"""Lines of trees and lanes: how a file is understood is told, and the user can say otherwise.
+
+A picker drives in a lane, between two lines of trees. The lines of a file may be either. Of 6 lines
+of trees there are 5 lanes, which are the rows of a scenario.
+"""
 
 import pytest
 from made_surveys import feature, pair, straight_rows, write_features
@@ -28,14 +32,15 @@ def test_lanes_lie_midway_between_lines_of_trees(tmp_path):
     rows = imported.scenario.survey.rows
     assert [row.id for row in rows] == ["r1-r2", "r2-r3", "r3-r4", "r4-r5", "r5-r6"]
     assert [row.south for row in rows] == pytest.approx([0.0, 6.0, 12.0, 18.0, 24.0], abs=0.01)
+    # The last lane begins midway between the ends of its lines of trees, 0 m and 10 m.
     assert (rows[-1].start, rows[-1].length) == pytest.approx((5.0, 55.0), abs=0.01)
-    first = complex(*imported.scenario.survey.origin.place(0.0, 0.0))
-    assert first != 0.0
+    assert complex(*imported.scenario.survey.origin.place(0.0, 0.0)) != 0.0, "a place on the map"
     taken = "6 lines of trees: the 5 rows are the lanes midway between them"
     assert any(note.startswith(taken) for note in imported.notes)
 
 
 def test_no_lane_lies_where_lines_of_trees_are_missing(tmp_path):
+    """Line r4 is missing, so r3 and r5 are 12 m apart: twice as far as a lane is wide."""
     features = straight_rows(8)
     del features[3]
     path = write_features(tmp_path / "a.geojson", features)

@@ -18,7 +18,11 @@ pytest.importorskip("pyproj", reason="pyproj is missing: pip install 'orchard-si
 def trees(
     lines: int, spacing: float, pitch: float, count: int, yaw: float, chance: random.Random
 ) -> list[dict]:
-    """Return points of trees in no order, a tenth missing, 5 cm off their places."""
+    """Return points of trees in no order, up to 5 cm off their places, a tenth missing.
+
+    `spacing`: from line to line, and `pitch`: from tree to tree, m. `count`: the trees of a line,
+    whose ends are never missing.
+    """
     features = []
     for i in range(lines):
         for j in range(count):
@@ -45,7 +49,8 @@ def test_lines_of_trees_are_found_in_any_direction(
     tmp_path_factory, lines, spacing, pitch, length, yaw, seed
 ):
     count = int(length / pitch) + 1
-    # In a square the other direction is as good.
+    # If trees stand in squares, or lines are no longer than the block is wide, the other direction
+    # is as good. So these get closer trees in longer lines.
     if abs(pitch - spacing) < 0.5 or lines * spacing > 0.9 * length:
         pitch = spacing / 3.0
         count = int(1.2 * lines * spacing / pitch) + 20
@@ -57,7 +62,9 @@ def test_lines_of_trees_are_found_in_any_direction(
     for number, row in enumerate(rows):
         assert row.south == pytest.approx(number * spacing, abs=0.15)
         assert row.length == pytest.approx(pitch * (count - 1), abs=0.3)
-    assert abs(cmath.exp(2j * imported.scenario.survey.origin.yaw) - cmath.exp(2j * yaw)) < 0.02
+    # Twice the angle is the same for a line in either direction.
+    found = imported.scenario.survey.origin.yaw
+    assert abs(cmath.exp(2j * found) - cmath.exp(2j * yaw)) < 0.02
 
 
 def test_trees_name_their_lines_and_the_lanes_lie_between(tmp_path):

@@ -20,6 +20,7 @@ from orchard.launch.options import HarvestOptions
 from orchard.launch.request import RunRequest
 
 SHORT = ("--rows", "3", "--record", "none", "--speed", "1", "--duration", "30")
+# A program in place of the viewer: it writes its number into a file, and waits for ever.
 STAND_IN = f"""#!{sys.executable}
 import os, signal, sys
 with open(os.environ["VIEWER_PID"], "a") as file:
@@ -28,6 +29,8 @@ signal.pause()
 """
 
 
+# A program that runs another one, and sends itself Ctrl-C when that is about to import a module.
+# Its words: the module, and then the other program as Python takes it.
 INTERRUPTED = """
 import os, runpy, signal, sys
 
@@ -80,12 +83,14 @@ def interrupted_at(module: str, *command: str) -> tuple[int, str]:
 )
 def test_ctrl_c_during_the_imports_of_run_py_ends_it_silently(module):
     code, output = interrupted_at(module, "run.py", *SHORT)
-    assert code in (-signal.SIGINT, 130), "what a shell shows as 130"
+    assert code in (-signal.SIGINT, 130), "a shell shows both as 130"
     assert output.strip() == ""
 
 
 def test_ctrl_c_held_back_before_the_start_is_heard():
-    """The page holds Ctrl-C back, because Python loses one that comes while it starts."""
+    """The page holds Ctrl-C back while it starts a run, because Python loses one that comes while
+    it starts. The run then hears it.
+    """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         line = [sys.executable, "run.py", *SHORT]
@@ -131,15 +136,15 @@ def test_ctrl_c_ends_the_viewer_that_the_run_has_opened(mode, tmp_path):
     )
     try:
         assert run.stdout is not None
-        assert any(pids.read_text() and "real time" in told for told in run.stdout), (
-            "it runs, and the viewer does"
+        assert any(pids.read_text() and "real time" in line for line in run.stdout), (
+            "the run shows its progress, and the viewer has started"
         )
-        seen = psutil.Process(int(pids.read_text()))
+        viewer_process = psutil.Process(int(pids.read_text()))
         run.send_signal(signal.SIGINT)
         run.wait(PATIENCE)
-        seen.wait(PATIENCE)
+        viewer_process.wait(PATIENCE)
     finally:
-        # First, for it holds run.py's output open.
+        # The viewer first: as long as it lives it holds run.py's output open.
         for pid in map(int, pids.read_text().split()):
             if psutil.pid_exists(pid):
                 os.kill(pid, signal.SIGKILL)
@@ -147,7 +152,10 @@ def test_ctrl_c_ends_the_viewer_that_the_run_has_opened(mode, tmp_path):
         run.communicate(timeout=PATIENCE)
 
 
-def test_ctrl_c_stops_it_at_once(tmp_path, monkeypatch):
+def test_ctrl_c_stops_a_slow_run_at_once(tmp_path, monkeypatch):
+    """A tick would take 10^11 s. The run sleeps for less than a second at a time, and Ctrl-C comes
+    in the first sleep.
+    """
     naps = []
 
     def nap(seconds):
@@ -164,6 +172,7 @@ def test_ctrl_c_stops_it_at_once(tmp_path, monkeypatch):
 
 
 def test_ctrl_c_ends_an_endless_tick_with_the_result_so_far(tmp_path, capsys):
+    """The class `Endless` of picker_01 never ends its tick 3, and sends Ctrl-C itself."""
     scenario = driven_by(picker_01="Endless")
     wish = RunRequest(HarvestOptions(mode="local"), scenario, None, tmp_path)
     summary, why = local_run.run(wish, None, lambda *figures: None)
@@ -179,6 +188,7 @@ def test_ctrl_c_ends_an_endless_tick_with_the_result_so_far(tmp_path, capsys):
 
 
 def test_ctrl_c_ends_an_agent_that_catches_everything_by_force(tmp_path):
+    """The class `Stubborn` of picker_01 catches what Ctrl-C raises, and goes on."""
     path = scenario_file(tmp_path, driven_by(picker_01="Stubborn"))
     done = orchard(path, "--mode", "local", "--record", "none", code=1)
     assert "picker_01 still thinks about tick 3, in" in done.stderr

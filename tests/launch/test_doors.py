@@ -1,5 +1,7 @@
-"""The command `orchard` and its doors: what a run in local mode loads, where runs are kept, how the
-program is called again.
+"""The ways to start `orchard`: what a run in local mode loads, where runs are kept, how the program
+is called again.
+
+A user starts it as `run.py`, as `python -m orchard` or as the installed command.
 """
 
 import os
@@ -19,6 +21,7 @@ from orchard.folders import runs_folder
 from orchard.security.identity import certificates
 from orchard.terminal import typed as terminal
 
+# A program that runs in local mode, and prints the modules that it has loaded.
 LOADS = """\
 import sys
 from orchard.__main__ import main
@@ -31,7 +34,7 @@ finally:
 
 
 def test_a_run_in_local_mode_loads_nothing_that_it_does_not_need(tmp_path):
-    """The run keeps its snapshots in the folder that it is told."""
+    """The run keeps its snapshots in the folder that ORCHARD_RUNS names."""
     done = python("-c", LOADS, cwd=tmp_path, ORCHARD_RUNS=str(tmp_path / "runs"))
     loaded = set(done.stdout.splitlines()[-1].split())
     assert "numba" in loaded
@@ -62,14 +65,15 @@ def test_runs_are_kept_in_the_clone_or_with_the_data_of_the_user(tmp_path, monke
     assert runs_folder() == Path.cwd() / "own"
 
 
+# What a clone needs to run.
 PARTS = ("orchard", "processes", "config", "bridges", "run.py", "pyproject.toml")
 
 
 def unzipped(folder):
-    """Unpack a zip of the clone by Python, which makes text of links.
+    """Copy the clone to a folder, by a zip that Python unpacks: links become files of text.
 
-    Git does the same without `core.symlinks`. The copy has the compiled kernels of this clone,
-    which would take two minutes.
+    So it is with Git, too, where it has no `core.symlinks`. The compiled kernels are copied too:
+    they would take two minutes.
     """
     packed = folder.with_suffix(".zip")
     with zipfile.ZipFile(packed, "w") as archive:
@@ -84,6 +88,7 @@ def unzipped(folder):
         archive.extractall(folder)
 
 
+# A program that prints where three packages or modules lie that are found under other names.
 WHERE = """\
 import importlib
 names = ("orchard.config", "orchard.processes.agents", "orchard.bags.plain.topics")
@@ -118,6 +123,7 @@ def test_each_door_of_a_clone_works_without_links(words, tmp_path):
     assert len(list((tmp_path / "clone" / "runs").glob("*.rrd"))) == 1
 
 
+# What a user started, and how the program tells to start it again.
 CALLED_BY = [
     ("{folder}/run.py", "venv/python run.py"),
     ("{folder}/orchard/__main__.py", "venv/python -m orchard"),
@@ -128,6 +134,7 @@ CALLED_BY = [
 
 @pytest.mark.parametrize(("started", "typed"), CALLED_BY)
 def test_the_program_tells_how_it_is_called_again(started, typed, tmp_path, monkeypatch):
+    """Paths are relative to the working folder, and a command on the path has its name only."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "executable", str(tmp_path / "venv" / "python"))
     monkeypatch.setattr(shutil, "which", {"orchard": "/found/orchard"}.get)

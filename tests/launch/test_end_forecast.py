@@ -1,4 +1,9 @@
-"""When a run will be done, as the event model tells from its snapshots."""
+"""When a run will be done, as the event model tells from its snapshots.
+
+The process that shows a run asks for the forecast every few seconds. `within`: how sure it is, s; 0
+if nothing in the harvest is left to chance. It has none (None) if the event model cannot go on from
+the moment.
+"""
 
 from pathlib import Path
 
@@ -12,6 +17,7 @@ from orchard.local import Local
 from orchard.report.summary import headline_of
 
 SMALL = {"rows": 3, "pickers": 2, "carriers": 2, "row_length": 24.0}
+# The figures of a run that physics publishes, as far as the line of progress shows them.
 FIGURES = {
     "sim_seconds": 61.5,
     "times_real_time": 30.0,
@@ -64,6 +70,7 @@ def test_a_run_with_agents_elsewhere_tells_no_end() -> None:
 
 
 def test_the_end_stands_in_the_line_and_sets_the_time_left() -> None:
+    # 300 s are left, which take 10 s at 30 times real time.
     headline = headline_of(FIGURES | {"done_seconds": 361.5, "done_within_seconds": 4.0})
     assert headline.line().startswith("   61.5 of 362 ± 4 s  ")
     assert headline.line().endswith("0:10 min left")
@@ -77,7 +84,7 @@ def test_a_line_without_room_leaves_the_end_out() -> None:
 
 
 def test_no_code_of_the_users_own_runs_for_a_forecast(tmp_path: Path) -> None:
-    """A policy of the user's own runs where the dispatcher does, and nowhere else."""
+    """A policy of the user's own runs in the process of the dispatcher, and nowhere else."""
     scenario = Scenario.model_validate(SMALL | {"dispatch": "own_dispatch.Nearest"})
     forecast = EndForecast(lay_out(scenario), tmp_path)
     assert forecast() is None

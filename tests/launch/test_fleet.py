@@ -1,6 +1,8 @@
 """A process that dies is started again: at once, then ever later, and not for ever.
 
-In virtual time, with pretended processes.
+A fleet is the processes of one run, and the supervisor of run.py starts, watches and ends them.
+Most tests are in virtual time, with pretended processes. A process refuses its options with the
+exit code BAD_ORDER; it announces a good end on its lifeline.
 """
 
 import io
@@ -49,17 +51,22 @@ class Child:
     """A pretended process, and the lifeline to it."""
 
     def __init__(self, order):
+        # Its options.
         self.order = order
+        # Its exit code; None: it lives.
         self.returncode = None
+        # The exit code that it has announced on the lifeline; None: none.
         self.code = None
 
     def poll(self):
         return self.returncode
 
     def die(self, code=-9):
+        """End without a word."""
         self.returncode = code
 
     def end(self, code=0):
+        """End by itself, and announce it."""
         self.returncode = self.code = code
 
     def let_go(self):
@@ -99,7 +106,8 @@ def fleet(clock):
     return fleet
 
 
-def test_who_dies_is_started_again_with_options_of_a_restart(fleet, clock):
+def test_a_dead_process_starts_again_with_options_of_a_restart(fleet, clock):
+    """Physics then goes on from a snapshot (`resume`)."""
     first = RunOptions(run="a")
     again = RunOptions(run="a", resume=True)
     fleet.start(
@@ -112,8 +120,10 @@ def test_who_dies_is_started_again_with_options_of_a_restart(fleet, clock):
     assert fleet.said == ["physics ended with code -9; starting it again"]
 
 
-def test_output_that_is_no_text_is_passed_on_and_blocks_nobody(tmp_path, monkeypatch):
-    """Else a child would block for ever once its pipe is full, after 64 kB."""
+def test_output_that_is_no_text_is_passed_on_and_blocks_no_child(tmp_path, monkeypatch):
+    """A child prints 100 kB. If the fleet did not read it, the child would block for ever once its
+    pipe is full, after 64 kB.
+    """
     (tmp_path / "shouting.py").write_text(
         "import sys\nsys.stderr.buffer.write(b'\\xff\\n' + 20_000 * b'loud\\n' + b'shouting:"
         " over\\n')"
@@ -129,7 +139,11 @@ def test_output_that_is_no_text_is_passed_on_and_blocks_nobody(tmp_path, monkeyp
 
 
 def test_what_a_child_has_started_ends_with_it(tmp_path, monkeypatch):
-    """A grandchild is ended when the child has died, and at the end of the fleet."""
+    """A grandchild is ended when the child has died, and at the end of the fleet.
+
+    Each child starts a program that sleeps, and prints its number. One dies at once, and the other
+    waits.
+    """
     program = (
         "import os, subprocess, sys\nchild = subprocess.Popen(['sleep', '600'])\nprint(child.pid,"
         " file=sys.stderr, flush=True)\n"
@@ -167,6 +181,7 @@ NEVER_BEGAN = "the run cannot begin without picker_01"
 @pytest.mark.parametrize(
     ("why", "summary"),
     [("stopped", {"broken_agents": [], "ticks": 5}), (NEVER_BEGAN, None)],
+    ids=["stopped", "never began"],
 )
 def test_a_result_that_physics_writes_late(fleet, tmp_path, monkeypatch, why, summary):
     """After Ctrl-C physics may write its result when the run is followed no more: it counts.
@@ -213,7 +228,8 @@ def test_physics_that_never_listens_is_told_with_its_time(fleet, tmp_path, monke
     )
 
 
-def test_whose_run_is_over_or_who_need_not_live_is_left_alone(fleet):
+def test_no_process_starts_again_that_is_over_or_need_not_live(fleet):
+    """The host ends by itself. The viewer dies, and is no process to start again (`again`)."""
     fleet.start(ProcessSpec("viewer", "rerun", []))
     fleet.children[0].end()
     fleet.children[1].die()
@@ -221,7 +237,7 @@ def test_whose_run_is_over_or_who_need_not_live_is_left_alone(fleet):
     assert len(fleet.children) == 2
 
 
-def test_who_has_written_its_result_is_not_started_again(fleet, tmp_path):
+def test_a_process_with_a_written_result_is_not_started_again(fleet, tmp_path):
     """Whatever ends such a process, the run is over."""
     result = tmp_path / "result"
     fleet.start(ProcessSpec(PHYSICS, "orchard.processes.physics", [], again=True, result=result))
@@ -232,8 +248,10 @@ def test_who_has_written_its_result_is_not_started_again(fleet, tmp_path):
 
 
 @pytest.mark.parametrize("code", [0, 75, 100])
-def test_an_end_that_nobody_has_announced_is_a_death(fleet, code):
-    """An agent can end its process with code 0 by os._exit."""
+def test_an_end_that_was_not_announced_is_a_death(fleet, code):
+    """An agent can end its process with code 0 by os._exit. Such a process is started again, unless
+    it was asked to end.
+    """
     fleet.children[0].die(code)
     fleet.watch()
     assert len(fleet.children) == 2
@@ -256,6 +274,7 @@ def waits(fleet, clock, code=-9):
 
 
 def test_quick_deaths_wait_ever_longer_and_are_given_up(fleet, clock):
+    """After the fifth death (DEATHS) the process is not started again, so there is no wait."""
     assert [waits(fleet, clock) for _ in range(DEATHS)] == [0.0, 0.25, 0.5, 1.0, 0.0]
     assert list(fleet.given_up) == ["agents 1"]
     assert "agents 1" in fleet.said[-1]
@@ -271,10 +290,10 @@ def test_what_is_refused_may_pass_and_is_tried_for_half_a_minute(fleet, clock):
     assert list(fleet.given_up) == ["agents 1"]
 
 
-def test_who_fails_its_first_order_is_not_started_again(fleet, clock):
-    """Its command is wrong, so it would fail each time.
+def test_a_process_that_refuses_at_first_is_not_started_again(fleet, clock):
+    """Its options are wrong, so it would refuse them each time (`may_refuse=False`).
 
-    A process that has worked is started again.
+    A process that has worked before it refused is started again.
     """
     fleet.start(
         ProcessSpec("physics", "orchard.processes.physics", [], again=True, may_refuse=False)
@@ -298,7 +317,7 @@ def test_deaths_that_are_far_apart_are_not_in_a_row(fleet, clock):
 
 @pytest.mark.skipif(not hasattr(os, "SCHED_BATCH"), reason="only Linux knows of it")
 def test_processes_take_turns():
-    """A process that wakes up does not interrupt another one."""
+    """Under Linux's SCHED_BATCH a process that wakes up does not interrupt another one."""
     child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
     take_turns(child.pid)
     assert os.sched_getscheduler(child.pid) == os.SCHED_BATCH
@@ -308,6 +327,9 @@ def test_processes_take_turns():
 
 
 def test_a_process_is_ended_when_its_token_is_gone_too_long(clock):
+    """The watchdog hears whether the liveliness token of the logger is there. A process that stays
+    frozen without it for FROZEN_SECONDS is killed, so that it is started again as number 2.
+    """
     fleet: Any = SimpleNamespace(clock=clock, number=1, killed=[])
     fleet.pid = lambda name: fleet.number
     fleet.kill = lambda name: fleet.killed.append(fleet.number)

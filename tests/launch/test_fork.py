@@ -1,4 +1,7 @@
-"""What may change when a run goes on from one of its moments, and how the harvest then ends."""
+"""What may change when a run goes on from one of its moments, and how the harvest then ends.
+
+A fork is a run that goes on from a moment of another one, its parent, with something changed.
+"""
 
 import re
 from contextlib import suppress
@@ -54,7 +57,7 @@ CHANGES = [
 def test_a_harvest_ends_well_after_any_change_at_any_moment(tick, changes):
     """A change is made, or refused for what robots do at that moment.
 
-    The queue keeps room for the three carriers of the parent when the fork has fewer.
+    The queue of a fork with fewer carriers keeps room for the three of the parent (`queue_room`).
     """
     parent = played(TWO_WAY, tick)
     try:
@@ -74,6 +77,7 @@ def test_a_harvest_ends_well_after_any_change_at_any_moment(tick, changes):
 FLEET = with_changes(TWO_WAY, pickers=4, carriers=4, picking_speed=0.5)
 
 
+# In the example one of the four carriers is taken away after 24 ticks.
 @settings(max_examples=5)
 @example([(24, 4), (1, 3)], "two-way")
 @given(
@@ -81,7 +85,7 @@ FLEET = with_changes(TWO_WAY, pickers=4, carriers=4, picking_speed=0.5)
     st.sampled_from(["one-way", "two-way"]),
 )
 def test_carriers_are_taken_away_and_added_time_and_again(changes, route):
-    """`changes`: each is a number of carriers, and the ticks that the run then goes on."""
+    """`changes`: each is the ticks that the run then goes on, and the number of carriers."""
     run = played(with_changes(FLEET, route=route), 0)
     for ticks, carriers in changes:
         with suppress(ScenarioError):
@@ -99,8 +103,11 @@ def test_a_fork_without_changes_has_the_hash_of_its_parent():
 
 
 def test_a_fork_leaves_agents_behind_that_were_given_to_play():
+    """An object in place of picker_01 has a memory that no picker can read. The fork has a picker
+    again, which begins anew.
+    """
+
     class Standing:
-        # Nothing that a picker remembers.
         Memory = dict
 
         def tick(self, seen, mail, memory):
@@ -221,12 +228,14 @@ def test_what_cannot_change_is_named_with_the_reason(changes, why):
 
 
 def test_a_run_without_figures_is_not_jammed_at_once():
-    # No bin is delivered in the first 610 s, longer than a run may go on without any.
+    # No bin is delivered in the first 610 s. A run counts as jammed after 600 s without a delivery;
+    # but a run without figures does not know when the last one was.
     slow = with_changes(SMALL, row_length=200.0, picking_speed=0.1)
     assert WatchedRun(played(slow, 6100).snapshot()).figures.jam == []
 
 
 def test_an_added_carrier_has_a_slow_error_from_the_first():
+    """The bias of its GNSS receiver is drawn for it, and those of the others stay."""
     run = Local(with_changes(TWO_WAY, carriers=2, queue_room=3, **{"sensors.gnss.bias": 0.02}))
     for _ in range(20):
         run.tick()
@@ -237,6 +246,9 @@ def test_an_added_carrier_has_a_slow_error_from_the_first():
 
 
 def test_carriers_are_never_busier_than_all_the_time():
+    """Three carriers have worked. Their share of busy time stays when there is only one: as if it
+    had done all the work, it would be more than 1.
+    """
     run = WatchedRun(Local(TWO_WAY).snapshot())
     # By this tick two of three carriers are back in the queue, so they can be taken away.
     run.go_on(2200)

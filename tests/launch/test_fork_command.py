@@ -1,4 +1,9 @@
-"""The command `orchard fork`: what it prints and writes, and what it refuses in words."""
+"""The command `orchard fork`: what it prints and writes, and what it refuses in words.
+
+A fork goes on from a moment of a run. With `--futures` it goes on several times, each time with
+another seed, as it was and with a change. With `--bisect` it searches for the last moment from
+which the futures still end well.
+"""
 
 import re
 import shlex
@@ -36,7 +41,10 @@ def harvest(tmp_path_factory):
 
 
 def test_keyframes_stay_and_an_unchanged_fork_has_the_hash(harvest, tmp_path):
-    """Keyframes stay after a harvest and a fork of many processes without changes has its hash."""
+    """A fork of many processes without changes has the hash of its parent, and nearly all figures.
+
+    There is a keyframe every 20 s, so every 200 ticks.
+    """
     recording, parent = harvest
     ticks = ticks_of(recording.with_suffix(".snapshots"))
     assert ticks == list(range(0, parent["ticks"], 200))
@@ -58,6 +66,7 @@ def test_keyframes_stay_and_an_unchanged_fork_has_the_hash(harvest, tmp_path):
     }
     for figure in set(fork) - may_differ:
         assert fork[figure] == parent[figure], figure
+    # 1:23.5 min are 83.5 s. The first picture is that of the tick after.
     assert fork["forked_from"] == {"run": "parent", "seconds": 83.5}
     assert fork["recording_gaps"] == [[0.0, 83.6]], "its recording begins with it"
     assert f"hash {parent['hash']}" in done.stdout
@@ -106,7 +115,8 @@ def test_resumed_stopped_and_killed_runs_can_be_forked(tmp_path, end):
 def test_the_commands_of_the_documents_about_forks_work(harvest, tmp_path):
     """The document forks a run, compares futures, and asks until when a change would have helped.
 
-    The words of its three commands after `orchard fork RUN` are used for the harvest of this file.
+    The words of its three commands after `orchard fork RUN` are used for the harvest of this file,
+    with another limit than the 500 s of the document.
     """
     recording, parent = harvest
     lines = block("docs/how-to.md", "fork a run").splitlines()
@@ -138,6 +148,8 @@ def test_the_commands_of_the_documents_about_forks_work(harvest, tmp_path):
     decided = summary["decided_seconds"]
     assert f": decided after {clock(round(10 * decided))}: the future ends well" in out
 
+    # The last moment from which a future ends well is the decided one, and the next moment that was
+    # tried is at most 1 s later.
     moments = [float(at) for at in summary["futures"]]
     well = []
     for at, futures in summary["futures"].items():
@@ -160,7 +172,10 @@ def assert_is_expected_first(out, futures, expected):
 
 @pytest.mark.parametrize("at", ["4:20", "4:27"])
 def test_the_last_of_many_moments_is_tried_too(harvest, at):
-    """The last of many moments is tried too also where nothing was kept."""
+    """The harvest ends soon after 4:27 min, and its last keyframe is at 4:20 min.
+
+    Every harvest delivers more than 0.1 bins an hour, so each future ends well.
+    """
     words = ("--bisect", "bins_per_hour<0.1", "--at", at, "--futures", 1)
     out = orchard("fork", harvest[0], *words).stdout
     assert f"not decided: the future ends well from {at}, the last moment." in out
@@ -248,7 +263,11 @@ def test_a_fork_that_cannot_be_is_told_in_words(harvest, words, error):
 
 
 def test_moments_that_cannot_be_are_told(harvest, tmp_path):
-    """Moments without a keyframe damaged ones and runs that are not there are told."""
+    """Keyframes are removed or damaged, and a fork of a run that is not there is refused.
+
+    There is one every 20 s, so at ticks 0, 200, 400, 600. An earlier one takes the place of a
+    damaged one.
+    """
     folder = tmp_path / "copy.snapshots"
     folder.mkdir()
     for file in harvest[0].with_suffix(".snapshots").iterdir():
@@ -273,7 +292,10 @@ def test_moments_that_cannot_be_are_told(harvest, tmp_path):
 
 
 def test_a_run_with_a_stop_between_keyframes_is_told(tmp_path):
-    """A run in which a robot was stopped between two keyframes is told."""
+    """A fork goes on from the keyframe at 20 s to 25 s as if the robot had not been stopped there.
+
+    The next keyframe shows that it was, so a line says that the moment is not that of the run.
+    """
 
     def keep(run: Local) -> None:
         name, content = as_file(run.snapshot())
@@ -288,7 +310,10 @@ def test_a_run_with_a_stop_between_keyframes_is_told(tmp_path):
 
 
 def test_a_fork_says_which_agents_were_clients_elsewhere(tmp_path):
-    """A fork says which agents were clients elsewhere and lets those of the scenario begin anew."""
+    """Another program drove picker_01, and its memory is nothing that a picker can read.
+
+    The fork says so, and lets the scenario's own agent begin anew.
+    """
     snapshot = played(SMALL, 200).snapshot()
     snapshot.elsewhere = ["picker_01"]
     snapshot.memories["picker_01"] = pack(["of another program"])
@@ -306,5 +331,8 @@ def test_a_fork_says_which_agents_were_clients_elsewhere(tmp_path):
 
 @given(st.integers(0, 10**7))
 def test_a_moment_is_read_as_it_is_written(tick):
+    """As M:SS, and with hours as H:MM:SS. An hour has 36,000 ticks."""
     assert moment(clock(tick)) == tick
-    assert moment(f"2:{clock(tick % 36_000).rjust(5, '0')}") == 72_000 + tick % 36_000
+    in_the_hour = tick % 36_000
+    with_minutes = clock(in_the_hour).rjust(len("0:00") + 1, "0")
+    assert moment(f"2:{with_minutes}") == 2 * 36_000 + in_the_hour

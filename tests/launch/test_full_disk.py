@@ -14,7 +14,7 @@ from patience import PATIENCE
 
 from orchard.field.scenario import Scenario
 
-# Simulated s; the scenery alone, which is recorded first, is larger than the disk.
+# Simulated s. The scenery alone, which is recorded first, is larger than the disk of 400 kB.
 DURATION = 40.0
 # Simulated s, where nothing is recorded.
 SHORT = 5.0
@@ -84,6 +84,7 @@ def test_a_full_disk_loses_recordings_but_not_the_result(small_disk, tmp_path, m
 
 
 def test_a_log_that_fills_its_disk_ends_no_run(small_disk, tmp_path):
+    """/dev/full takes nothing, as a full disk does. What cannot go to stdout goes to stderr."""
     path = tmp_path / "summary.json"
     with open("/dev/full", "w") as full:
         done = harvest(
@@ -102,7 +103,7 @@ def test_the_summary_is_written_where_nothing_can_be_printed(small_disk, tmp_pat
         done = harvest(
             small_disk, SHORT, "--record", "none", "--summary", path, stdout=full, stderr=full
         )
-    assert done.returncode == 1, "the table came nowhere"
+    assert done.returncode == 1, "the result was printed nowhere"
     assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), round(SHORT * 10))
 
 

@@ -80,7 +80,7 @@ def test_processes_end_with_run_py_and_the_run_can_go_on(tmp_path, monkeypatch, 
     temporary.mkdir()
     monkeypatch.setenv("TMPDIR", str(temporary))
     with begun(tmp_path, "--record", tmp_path / "run.rrd") as (run, processes):
-        assert len(processes) == 4
+        assert len(processes) == 4, "physics, two hosts of agents, logger"
         (physics,) = [
             process for process in processes if "orchard.processes.physics" in process.cmdline()
         ]
@@ -103,7 +103,7 @@ def test_processes_end_with_run_py_and_the_run_can_go_on(tmp_path, monkeypatch, 
 
 @pytest.mark.soak
 def test_frozen_processes_end_too(tmp_path):
-    """Linux wakes them up with a hang-up signal when their leader dies."""
+    """Linux wakes them up with a hang-up signal when run.py, the leader of their session, dies."""
     with begun(tmp_path, "--record", "none") as (run, processes):
         for process in processes:
             process.suspend()
@@ -116,6 +116,9 @@ def test_frozen_processes_end_too(tmp_path):
 
 
 def test_what_does_not_end_by_itself_is_ended_by_force(tmp_path, monkeypatch):
+    """Two programs sleep, and their environment says that they are of run7 and run8. The note of
+    run7 shows that its run.py is gone, so its program is ended, and that of run8 is not.
+    """
     monkeypatch.setattr(run_notes, "ALONE_SECONDS", 0.2)
     lines = []
     (tmp_path / "run7.going").write_text('{"run": "run7", "endpoint": "tcp/127.0.0.1:9"}')
@@ -140,6 +143,7 @@ def test_what_does_not_end_by_itself_is_ended_by_force(tmp_path, monkeypatch):
 
 
 def test_a_run_for_which_a_host_was_gone_is_resumed_with_a_word(tmp_path):
+    """`lost`: the agents that no host ran when the snapshot was taken, since which tick."""
     before = local_at(12).snapshot()
     before.lost = {"picker_01": 7}
     store(*as_file(before), tmp_path)

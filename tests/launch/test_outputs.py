@@ -33,14 +33,16 @@ SHORT = ("--rows", 3, "--mode", "local", "--duration", 1)
 
 @pytest.mark.parametrize("option", ["--record", "--summary"])
 def test_a_directory_in_place_of_a_file_is_told_at_once(option, tmp_path):
-    done = orchard(
-        *SHORT, *(() if option == "--record" else ("--record", "none")), option, tmp_path, code=2
-    )
+    words = [*SHORT, option, tmp_path]
+    if option != "--record":
+        words += ["--record", "none"]
+    done = orchard(*words, code=2)
     assert done.stdout == ""
     assert done.stderr.startswith(f"{tmp_path}: cannot be written: Is a directory")
     assert tmp_path.is_dir()
 
 
+# A recording, the fault of the disk, and what is said of it after the folder's path.
 READ_ONLY = [
     (
         "run.rrd",
@@ -115,6 +117,9 @@ def test_a_recording_replaces_no_file_that_is_none(name, words, tmp_path):
 
 @pytest.mark.parametrize("name", ["run.part2.rrd", "run.rrd.packing", "run.part2.rrd.packing"])
 def test_a_recording_replaces_no_file_with_the_name_of_a_part(name, recording, tmp_path):
+    """A recording may have parts, and while it is packed there is a file `.packing`. A user's file
+    of such a name stays.
+    """
     for part in ("run.rrd", "run.part2.rrd"):
         (tmp_path / part).write_bytes(recording.read_bytes())
     (tmp_path / name).write_text("a year's work")
@@ -133,6 +138,8 @@ def test_a_half_packed_recording_goes(recording, tmp_path):
     assert not half.exists()
 
 
+# Files of a user that are named as the notes of runs that go on. The second one is the note of
+# another run than its file's name says.
 OF_OTHERS = {
     "trip.going": "Monday: to the orchard",
     "walk.going": '{"run": "another", "endpoint": "tcp/127.0.0.1:9"}',
@@ -168,7 +175,8 @@ def test_a_logger_replaces_no_file_that_is_no_recording(tmp_path):
 
 def test_a_named_pipe_is_refused_and_stdout_is_taken(tmp_path):
     """A run would wait at a named pipe until it is read. Only a summary may go to stdout."""
-    os.mkfifo(pipe := tmp_path / "pipe.rrd")
+    pipe = tmp_path / "pipe.rrd"
+    os.mkfifo(pipe)
     for option in ("--summary", "--record"):
         done = orchard(*SHORT, option, pipe, code=2)
         assert done.stdout == ""
@@ -185,12 +193,13 @@ def test_a_link_stays_a_link_and_a_broken_one_is_no_recording(tmp_path):
     assert not (tmp_path / "gone.rrd").exists()
 
 
+# Commands that read a FILE, and would write to LINK, which leads to it.
 READERS = [
-    "FILE --mode local --record none --duration 1 --summary FILE",
-    "bound FILE --work 0.1 --summary FILE",
-    "trace FILE --out FILE",
-    "study FILE --vary carriers=1 --budget 1s --workers 1 --csv FILE --out STORE",
-    "layout export FILE --lif FILE",
+    "FILE --mode local --record none --duration 1 --summary LINK",
+    "bound FILE --work 0.1 --summary LINK",
+    "trace FILE --out LINK",
+    "study FILE --vary carriers=1 --budget 1s --workers 1 --csv LINK --out STORE",
+    "layout export FILE --lif LINK",
 ]
 
 
@@ -201,10 +210,8 @@ def test_the_scenario_that_is_read_is_not_written(command, tmp_path):
     content = file.read_bytes()
     link = tmp_path / "link"
     link.symlink_to(file)
-    words = command.split()
-    words[-1 if words[-1] == "FILE" else words.index("--csv") + 1] = str(link)
-    places = {"FILE": file, "STORE": tmp_path / "studies.db"}
-    done = orchard(*[places.get(word, word) for word in words], code=2)
+    places = {"FILE": file, "LINK": link, "STORE": tmp_path / "studies.db"}
+    done = orchard(*[places.get(word, word) for word in command.split()], code=2)
     assert f"{link}" in done.stderr
     assert "cannot be written: it is the file that is read; expected another" in done.stderr
     assert file.read_bytes() == content
@@ -248,6 +255,9 @@ def test_an_answer_that_fits_on_no_disk_is_told_with_its_path(command, tmp_path)
 
 
 def test_the_summary_is_there_before_the_recording_is_packed(tmp_path, monkeypatch):
+    """The packer writes the begin of a file, and then takes ten minutes. Ctrl-C ends it, and half
+    of a packed file goes.
+    """
     packer = tmp_path / "packer"
     summary = tmp_path / "summary.json"
     runs = tmp_path / "runs"
@@ -283,6 +293,7 @@ def test_the_summary_is_there_before_the_recording_is_packed(tmp_path, monkeypat
 
 @pytest.mark.parametrize("offset", [0, 1], ids=["page", "data"])
 def test_a_page_at_a_port_in_use_is_told_before_the_harvest(offset):
+    """The data of a page are served at the port after that of the page."""
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
@@ -295,14 +306,7 @@ def test_a_page_at_a_port_in_use_is_told_before_the_harvest(offset):
 def test_the_help_names_the_other_commands_first():
     """The options follow in their groups."""
     shown = orchard("--help").stdout
-    places = [
-        shown.index(words)
-        for words in (
-            *(f"  {name:10}{entry.summary}" for name, entry in COMMANDS.items()),
-            "Options",
-            *GROUPS,
-            "Exit code",
-        )
-    ]
+    commands = [f"  {name:10}{entry.summary}" for name, entry in COMMANDS.items()]
+    places = [shown.index(words) for words in (*commands, "Options", *GROUPS, "Exit code")]
     assert places == sorted(places)
     assert "--ignore-holds" not in shown, "it is for benchmarks"

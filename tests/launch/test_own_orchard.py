@@ -1,5 +1,8 @@
 """The commands of `orchard layout`: the document's commands run, and mistakes are told with exit
 code 2.
+
+`orchard layout import` makes a scenario of a survey. The sample is a survey of 8 rows; its sizes
+below are what the import measures, and are printed as they stand here.
 """
 
 import json

@@ -1,7 +1,8 @@
 """Without stdout, a working folder or enough files, and with settings of no use: words, and no
 traceback.
 
-Real processes, as a shell starts them.
+Real processes, as a shell starts them. In a shell `>&-` closes stdout, `<&-` stdin, and `2>&-`
+stderr; `ulimit -n` sets how many files a program may open at once.
 """
 
 import pytest
@@ -40,11 +41,13 @@ def test_a_run_without_standard_streams_writes_its_summary(tmp_path):
     ("to", "why"), [(">&-", "it is closed"), (">/dev/full", "No space left on device")]
 )
 def test_help_that_cannot_be_written_is_told(command, to, why, tmp_path):
+    """`to`: where the shell sends stdout."""
     code, err = shell(f"orchard {command} {to}", tmp_path)
     assert code == 2
     assert err == f"stdout cannot be written: {why}\n"
 
 
+# Commands whose answer goes to stdout.
 ANSWERS = [
     "bound small.yaml --work 0.1",
     "layout import rows.geojson",
@@ -77,6 +80,7 @@ def test_a_working_folder_that_is_gone_is_told(command, tmp_path):
 
 
 def test_a_limit_of_files_that_is_too_low_is_told(tmp_path):
+    """The message says how many files the processes of this run need in all."""
     code, err = shell(f"ulimit -n 24; orchard {SHORT}", tmp_path)
     assert code == 2
     assert err == (
@@ -102,6 +106,7 @@ def test_a_limit_of_files_that_is_too_low_to_serve_is_told(command, needs, tmp_p
 
 
 def test_a_limit_of_files_that_can_be_raised_is_raised(tmp_path):
+    """`ulimit -Sn` sets the soft limit, which a program may raise up to the hard one."""
     line = f"ulimit -Sn 24; orchard {SHORT} --summary summary.json"
     code, err = shell(line, tmp_path)
     assert code == 0, err
@@ -118,6 +123,7 @@ def test_a_runtime_that_zenoh_does_not_know_is_told(command, tmp_path):
 
 @pytest.mark.parametrize(
     ("runtime", "key"),
+    # Also as a number of another base, and with a comment.
     [
         ("(rx: (worker_threads: 0))", "worker_threads"),
         ("(acc:(worker_threads:0x0 /* none */,))", "worker_threads"),
@@ -143,6 +149,7 @@ def test_a_runtime_of_the_users_own_is_used(tmp_path):
     "name", ["key.pem", "certificate.pem", "authority.pem", "role.json", "access.json"]
 )
 def test_a_file_of_a_role_that_never_ends_is_refused(name, tmp_path):
+    """A role is a folder of certificates and rights. /dev/zero has no end."""
     role = make_roles(tmp_path / "roles") / "physics"
     (role / name).unlink()
     (role / name).symlink_to("/dev/zero")

@@ -18,11 +18,12 @@ from recordings import seconds_of
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 
-# s, simulated: two bins are full by 31 s, and a carrier brings an empty one.
+# s, simulated. Rows of 30 m are picked at 1 m/s, so two bins are full by 31 s, and a carrier brings
+# an empty one.
 FIRST_CALLS = 45
-# s, simulated: the first bin of 3 rows and 2 pickers is unloaded before, with seeds 1 to 5.
+# s, simulated. With seeds 1 to 5 the first bin of 3 rows and 2 pickers is unloaded before.
 FIRST_UNLOADING = 300
-# Calls have more than one offer.
+# An orchard in which several carriers offer themselves for a bin that calls.
 FEW = SMALL.model_copy(update={"pickers": 3, "carriers": 3, "row_length": 30.0})
 # Figures of the summary that tell how a run was carried out, and not what happened in it.
 OF_THE_MODE = {
@@ -47,6 +48,7 @@ class HarvestRun:
 
 @pytest.fixture(scope="module")
 def few(tmp_path_factory):
+    """Return the file of the scenario FEW."""
     return scenario_file(tmp_path_factory.mktemp("few"), FEW)
 
 
@@ -74,6 +76,7 @@ def run_as_in_local_mode(folder, scenario, seconds, *words):
 
 @pytest.fixture(scope="module")
 def local(tmp_path_factory, few):
+    """Harvest FEW in local mode. Return the summary."""
     path = tmp_path_factory.mktemp("local") / "summary.json"
     orchard(few, "--mode", "local", "--record", "none", "--summary", path)
     return summary_of(path)
@@ -81,6 +84,7 @@ def local(tmp_path_factory, few):
 
 @pytest.fixture(scope="module")
 def lockstep(tmp_path_factory, few):
+    """Harvest FEW in lockstep. Return what the harvest has left."""
     folder = tmp_path_factory.mktemp("lockstep")
     done = orchard(few, "--record", folder / "run.rrd", "--summary", folder / "summary.json")
     return HarvestRun(summary_of(folder / "summary.json"), folder / "run.rrd", done.stdout)
@@ -192,6 +196,9 @@ def test_ctrl_c_stops_everything_and_closes_the_recording(tmp_path):
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
 def test_a_run_whose_pickers_are_all_broken_ends_at_once(tmp_path, mode):
+    """The class `Unmakeable` of the pickers raises an error when it is made. The run ends after the
+    first second.
+    """
     scenario = scenario_file(tmp_path, driven_by(picker="Unmakeable"))
     path = tmp_path / "summary.json"
     done = orchard(

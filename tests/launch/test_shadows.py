@@ -7,8 +7,8 @@ Real processes, as a user starts them.
 import pytest
 from command_line import ROOT, python, summary_of
 
-# Python's own, packages, what Python runs at its start if it finds it, and what libraries use if it
-# is there.
+# Names of Python's own modules, of packages, of what Python runs at its start if it finds it, and
+# of what libraries use if it is there.
 NAMES = (
     "random",
     "queue",
@@ -20,7 +20,9 @@ NAMES = (
     "usercustomize",
     "colorama",
 )
+# A module that leaves the file `ran` beside it when something imports it.
 RUNS = "from pathlib import Path\nPath(__file__).with_name('ran').write_text(__name__)\n"
+# A module of the user's own with a class of agents. It notes which `queue` and `random` it gets.
 OWN = """\
 import queue
 import random
@@ -54,7 +56,7 @@ def folder(tmp_path):
 
 
 def run(folder, *arguments: object) -> dict:
-    """Run `orchard` in a folder. Return its summary."""
+    """Run `orchard` in a folder. Return its summary. No file there may have run."""
     summary = folder / "summary.json"
     python(ROOT / "run.py", *arguments, "--summary", summary, cwd=folder)
     assert not (folder / "ran").exists(), (folder / "ran").read_text()

@@ -1,5 +1,9 @@
 """`run.py stop`, `reset`, `pause`, `resume` and `step`: how they find the run that goes on, and
 what they tell of its answer.
+
+A run that goes on leaves a note in the folder of runs: a file *.going, with its id and the endpoint
+of its router. The commands find it there. A router without physics stands in for a run in some
+tests, and the test answers for it.
 """
 
 import re
@@ -82,6 +86,7 @@ def assert_pauses_and_steps() -> None:
         orchard(*words).stdout
         for _, _, *words in commands(block("docs/how-to.md", "pause and step"))
     ]
+    # It is paused at some tick. It then does 1 step, 20 steps, and plays on.
     first = int(lines[0].removeprefix("paused: tick ").partition(",")[0])
     then = [
         ("paused", first),
@@ -112,7 +117,11 @@ def test_a_late_answer_of_physics_is_told_and_taken(monkeypatch):
 
 
 def test_a_stop_is_asked_once_where_the_run_is_asked_for_first():
-    """What is left of the first question must not be taken for an end of the second one."""
+    """A command that knows only the endpoint asks for the run's id first.
+
+    The end of the first question (`Final`) must not be taken for an end of the second one: then the
+    stop would be asked again.
+    """
     with router() as physics, ThreadPoolExecutor() as pool:
         for what in ("scenario", "stop"):
             physics.answer(f"orchard/{what}")
@@ -127,7 +136,8 @@ def test_a_stop_is_asked_once_where_the_run_is_asked_for_first():
         assert answer.result(20.0).kept is False
 
 
-def test_whom_physics_never_answers_is_told_that_nobody_knows(monkeypatch):
+def test_a_stop_that_is_never_answered_may_have_arrived(monkeypatch):
+    """The command says so after 1 s here."""
     monkeypatch.setattr(asking, "ANSWER_SECONDS", 1.0)
     with router() as physics:
         physics.answer("orchard/stop")
@@ -147,6 +157,7 @@ def two_runs(folder: Path):
 
 
 def test_a_stop_stops_all_runs_here_whatever_one_does(runs, monkeypatch, capsys):
+    # Where the third run, c, should be, no router answers.
     monkeypatch.setattr(asking, "LOOK_SECONDS", 0.5)
     gone = noted(runs, RunNote("c", "tcp/127.0.0.1:9", "run c"))
     with two_runs(runs) as going, gone, ThreadPoolExecutor() as pool:
@@ -176,6 +187,7 @@ def test_robots_of_several_runs_are_not_reset_together(runs, capsys):
 
 
 def test_a_run_that_was_killed_is_none_of_the_active_ones(tmp_path):
+    """Its note is still there, but no process holds the file any more."""
     with noted(tmp_path, RunNote("b", "tcp/127.0.0.1:2")):
         (tmp_path / "killed.going").write_text('{"run": "killed", "endpoint": "tcp/127.0.0.1:3"}')
         assert find_run(tmp_path, None) == [RunNote("b", "tcp/127.0.0.1:2")]

@@ -1,5 +1,8 @@
 """What run.py does about a run of many processes: which end counts, for which processes it waits
 then, which snapshots it takes.
+
+run.py follows a run as a session of its own (orchard/launch/follower.py). Physics tells the end of
+a run with the summary; it counts once the liveliness token of physics is gone, too.
 """
 
 import io
@@ -32,6 +35,7 @@ from orchard.sim.snapshot import SnapshotError
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
 from orchard.wire.messages import End
 
+# A process that does not heed the signal that asks it to end.
 DEAF = """\
 import signal, sys, time
 signal.signal(signal.SIGTERM, signal.SIG_IGN)
@@ -59,6 +63,7 @@ def test_an_end_that_says_nothing_of_the_run_is_refused():
 
 
 def test_an_end_is_believed_only_while_physics_goes():
+    """The message and the loss of the token may come in either order, but must come together."""
     now = [0.0]
     end = End("run1", 5, True, "harvested", "0" * 64, {})
     for first, second in (("hear", "track"), ("track", "hear")):
@@ -85,7 +90,14 @@ def deaf(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     lines = []
     begun = []
-    with Supervisor(lambda line: (begun if line.endswith("deaf") else lines).append(line)) as fleet:
+
+    def keep(line: str) -> None:
+        if line.endswith("deaf"):
+            begun.append(line)
+        else:
+            lines.append(line)
+
+    with Supervisor(keep) as fleet:
         fleet.start(ProcessSpec("agents 1", "deaf", []))
         while not begun:
             assert fleet.exit_code("agents 1") is None, lines
@@ -101,7 +113,7 @@ def test_an_agent_that_thinks_on_after_the_end_is_not_waited_for(deaf, monkeypat
     assert lines[0].startswith("agents 1 has not ended 0 s after the run, and is ended by force")
 
 
-def test_ctrl_c_ends_the_waiting_for_those_who_have_not_ended(deaf, monkeypatch):
+def test_ctrl_c_ends_the_wait_for_processes_that_go_on(deaf, monkeypatch):
     monkeypatch.setattr(hosts, "STOP_SECONDS", 0.0)
     fleet, lines = deaf
     inbox = Inbox()
@@ -146,9 +158,13 @@ def loading(supervisor, connect=None):
     )
 
 
-@pytest.mark.parametrize(("signals", "ended"), [(1, "stopped: tick 0"), (2, "stopped")])
+@pytest.mark.parametrize(
+    ("signals", "ended"),
+    [(1, "stopped: tick 0"), (2, "stopped")],
+    ids=["Ctrl-C", "Ctrl-C twice"],
+)
 def test_the_summary_of_a_run_stopped_early_is_waited_for(monkeypatch, signals, ended):
-    """The run is stopped before its first tick."""
+    """The run is stopped before its first tick. A second Ctrl-C waits for no summary."""
     monkeypatch.setattr(follower, "STOP_SECONDS", 0.0)
     supervisor = Loading()
     following = loading(supervisor)
@@ -165,8 +181,13 @@ def test_the_summary_of_a_run_stopped_early_is_waited_for(monkeypatch, signals, 
     assert supervisor.asked_to_end == [PHYSICS] * signals
 
 
-@pytest.mark.parametrize(("signals", "is_reached"), [(1, True), (2, False)])
+@pytest.mark.parametrize(
+    ("signals", "is_reached"), [(1, True), (2, False)], ids=["Ctrl-C", "Ctrl-C twice"]
+)
 def test_a_run_stopped_before_physics_listens_is_stopped(signals, is_reached):
+    """Physics listens at the third try. After one Ctrl-C run.py waits for that, and then tells
+    physics to stop: the signal is still in the inbox.
+    """
     inbox = Inbox()
     tries = []
 
@@ -184,7 +205,8 @@ def test_a_run_stopped_before_physics_listens_is_stopped(signals, is_reached):
     assert len(inbox) == is_reached, "it is told to physics next"
 
 
-def test_nobody_else_keeps_snapshots_where_somebody_does(tmp_path):
+def test_only_one_run_keeps_snapshots_in_a_folder(tmp_path):
+    """A second one is refused until the first has ended. Another folder, or none, is free."""
     folder = tmp_path / "one.snapshots"
     with sole_writer(folder):
         with (

@@ -20,7 +20,7 @@ from orchard.sim.snapshot import Snapshot
 
 OF_ONE_PROCESS = "ignored: --hosts, --patience; local mode is one process"
 LIVE = "live at 4 times real time; --speed X sets another speed, --speed max none"
-# The part of a run before it was resumed: 600 s of simulated time took 600 s.
+# The part of a run before it was resumed: 600 s of simulated time, 6,000 ticks, took 600 s.
 BEFORE = Snapshot("", {}, {"tick": 6000}, b"", {}, [], {"wall_seconds": 600.0}, [])
 
 
@@ -41,6 +41,8 @@ def test_what_is_ignored_and_what_is_chosen_is_told(options, words):
 
 
 # The speed that was asked for, the part before, the wall time of the whole run in s, and the note.
+# The whole harvest (`harvested` of tests/support/run_endings.py) takes some 970 s simulated: 48.49
+# s are 20 times real time. After the part before, 370 s are left, which take 3.7 s or 18.49 s.
 SPEEDS = [
     (100.0, None, 48.49, "the speed of 100 times real time was not kept: the machine reached 20.0"),
     (100.0, None, 9.8, ""),
@@ -92,17 +94,20 @@ def test_three_lines_and_the_hash_are_shown_unless_verbose(capsys, monkeypatch):
 
 
 def test_of_the_figures_what_is_unusual_is_shown():
+    """Without --verbose only these are shown; collisions are in the sentence about the result."""
     assert unusual_figures(
         {"messages_refused": {}, "stopped_seconds": {"picker_01": 3.0}, "collisions": 2}
     ) == {"stopped_seconds": {"picker_01": 3.0}}
-    assert next(iter(as_table({"lost_seconds": {}}).columns[1].cells)).startswith(
-        "known of a complete harvest only"
-    )
-    gaps = as_table({"recording_gaps": [[0.0, 5.1], [7.0, 7.3]]})
-    assert list(gaps.columns[1].cells) == ["0.0 to 5.1, 7.0 to 7.3 s, which no recording shows"]
-    assert list(as_table({"carrier_utilisation": 0.64}).columns[1].cells) == [
-        "64 % of the time, outside the queue"
-    ]
+    assert value_of(lost_seconds={}).startswith("known of a complete harvest only")
+    gaps = value_of(recording_gaps=[[0.0, 5.1], [7.0, 7.3]])
+    assert gaps == "0.0 to 5.1, 7.0 to 7.3 s, which no recording shows"
+    assert value_of(carrier_utilisation=0.64) == "64 % of the time, outside the queue"
+
+
+def value_of(**figure) -> str:
+    """Return the value of a figure as the table of the terminal shows it, in its second column."""
+    (value,) = as_table(figure).columns[1].cells
+    return value
 
 
 HERE = "tcp/127.0.0.1:7447"
@@ -151,6 +156,7 @@ def test_a_run_that_cannot_leave_a_note_says_its_endpoint(tmp_path):
 @pytest.mark.parametrize("endpoint", [HERE, "tcp/0.0.0.0:7447"])
 def test_the_command_for_agents_left_to_others_is_whole(endpoint):
     line = how_to_join(HarvestOptions(without=["carrier", "bin_01"]), endpoint)
+    # The word after --connect depends on this machine's address.
     words = shlex.split(line.removeprefix("carrier, bin_01: left to other processes: "))
     connect = words.pop(3)
     assert words == [

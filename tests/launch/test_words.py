@@ -19,6 +19,7 @@ from orchard.launch.run_folder import alone
 from orchard.report.summary import sentence
 from orchard.terminal.typed import typed
 
+# A name with an escape sequence, which would make a terminal write in red.
 ESCAPE = "\x1b[31mX"
 # What no message may have: a control character, or words of Python and of libraries.
 RAW = (
@@ -31,6 +32,7 @@ RAW = (
     "codec",
     "Errno",
 )
+# Files with mistakes, in the working folder of the commands below.
 FILES = {
     "agents.yaml": "agents: {piker: my_package.MyPicker}\n",
     "nobody.yaml": "agents: {picker_99: my_package.MyPicker}\n",
@@ -114,6 +116,7 @@ def test_no_option_and_no_path_can_control_the_terminal(arguments, tmp_path, mon
     assert (code, [raw for raw in RAW if raw in words]) == (2, []), words
 
 
+# What a user types, and words of the answer.
 MISTAKES = [
     (["--rows", "x"], "--rows: x: expected a whole number"),
     (["--row-width", "wide"], "--row-width: wide: expected a number"),
@@ -190,10 +193,10 @@ MISTAKES = [
         ),
     ),
     (["hand_piking"], "hand_piking: no such file; did you mean the scenario hand_picking?"),
+    # Rows are named as a value of the scenario, because the user has not typed --rows.
     (
         ["--pickers", "9"],
         "command line: --pickers = 9, rows = 5: must be at most one picker a row",
-        # Nobody typed --rows.
     ),
     (["--resume", "."], ".: no usable snapshot"),
     (
@@ -269,6 +272,7 @@ def test_the_version_is_that_of_the_package(monkeypatch, capfd):
 
 
 def test_the_sentence_counts_rows_as_the_table_does():
+    """10 rows are picked to their ends, and others in part: 15 rows' metres of 20."""
     half = harvested(
         finished=False,
         ended="stopped",
@@ -328,10 +332,15 @@ def test_a_strange_place_ends_in_words_at_once(before, variable, arguments, code
 
 @pytest.mark.parametrize("option", ["--record", "--table"])
 def test_the_second_run_that_writes_to_one_place_is_refused(option, tmp_path, monkeypatch, capfd):
-    place = tmp_path / ("run.rrd" if option == "--record" else "tables")
-    (place.touch if option == "--record" else place.mkdir)()
+    if option == "--record":
+        place = tmp_path / "run.rrd"
+        place.touch()
+        arguments = [word for word in SHORT if word not in NO_RECORD]
+    else:
+        place = tmp_path / "tables"
+        place.mkdir()
+        arguments = [*SHORT]
     with alone(place):
-        arguments = [word for word in SHORT if option != "--record" or word not in NO_RECORD]
         code, words = output_of([*arguments, option, place], monkeypatch, capfd)
     assert code == 2
     assert (

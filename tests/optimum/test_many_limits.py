@@ -21,11 +21,11 @@ from orchard.optimum.schedule import optimum
 from orchard.report.bounds import Bounds, proven_seconds, undisturbed
 from orchard.report.long_run import long_run
 
-# Of the solver, for each proof with roads that robots share.
+# The work of the solver for each proof with roads that robots share, in its own unit: about s.
 WORK = 0.02
 # Orchards of the soak.
 MANY = 300
-# Of a rate that a long run has brought down to what the truck allows.
+# A rate that a long run has brought down to what the truck allows may be above it by this share.
 ROUNDING = 1e-12
 
 
@@ -34,6 +34,7 @@ def all_kinds(seed: int, count: int) -> Iterator[Layout]:
     chances = Random(f"limits {seed}")
 
     def drawn() -> dict[str, Any]:
+        """Draw the values of a scenario. Each kind of more has a chance of 40 %."""
         values = _sizes(chances)
         for more in (_batteries, _load_out, _people):
             if chances.random() < 0.4:

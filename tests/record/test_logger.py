@@ -1,4 +1,9 @@
-"""The logger: when it begins, and what it passes to the recorder, also to a slow one."""
+"""The logger: when it begins, and what it passes to the recorder, also to a slow one.
+
+Physics sends pictures of the world, ten ticks in a bundle, to the logger. The logger makes frames
+of them, and puts these into a queue. A recorder takes frames and writes them to the file. It may be
+slow: then the queue leaves frames out, but not their events.
+"""
 
 import math
 import os
@@ -39,11 +44,11 @@ from orchard.wire.messages import Bundle, read
 
 
 def test_physics_sends_a_whole_picture_when_a_logger_comes(fleet):
-    fleet.physics(Scenario(rows=3), "--speed", "2", "--duration", "60")
     """A whole picture has all fields. It comes each 50 ticks, and when a logger's token appears.
 
     Any other one has only what has changed.
     """
+    fleet.physics(Scenario(rows=3), "--speed", "2", "--duration", "60")
     client = fleet.client()
     pictures = client.hear(client.keys.of("picture"))
     fleet.share(2)
@@ -72,9 +77,8 @@ def test_a_logger_is_ready_before_it_shows_its_token(monkeypatch):
 
 
 def test_a_logger_begins_with_a_whole_picture():
-    """After ticks without a subscriber a picture holds all changes.
-
-    It has each field that changes seldom, and the texts only of bodies that do something new.
+    """Two pictures come, of ticks 101 and 102. The first holds all changes, but the texts only of
+    bodies that do something new: it is no whole one. So the logger begins with the second.
     """
     local = Local(Scenario(rows=3))
     local.tick()
@@ -93,6 +97,7 @@ def test_a_logger_begins_with_a_whole_picture():
         )
         return frame
 
+    # After a frame that is sent to no subscriber, all fields that change seldom change.
     builder.frame([])
     for name in SELDOM:
         values = getattr(world, name)
@@ -101,7 +106,7 @@ def test_a_logger_begins_with_a_whole_picture():
     changed = shown(101)
     builder.forget()
     shown(102)
-    bus.inbox.put(Signal(15))
+    bus.inbox.put(Signal(signal.SIGTERM))
     Logger(bus, KEYS, "run1", local.engine.layout, queue).run(
         SimpleNamespace(done=lambda: False, result=lambda: None)
     )
@@ -121,12 +126,13 @@ def test_a_logger_records_however_slowly_it_opened(monkeypatch):
     logger = Logger(bus, KEYS, "run1", Local(Scenario(rows=3)).engine.layout, FrameQueue())
     bus.inbox.put(Alive(KEYS.of("physics", "run1"), up=True))
     now[0] = 10 * GONE_SECONDS
-    bus.inbox.put(Signal(15))
+    bus.inbox.put(Signal(signal.SIGTERM))
     code, _ = logger.run(SimpleNamespace(done=lambda: False, result=lambda: None))
     assert code == 0, "it has taken physics for gone, and recorded nothing"
 
 
 def test_a_logger_that_gives_up_says_so(monkeypatch, caplog):
+    """Physics never shows that it is alive, and each look takes a quarter of GONE_SECONDS."""
     now = [0.0]
     bus = StandIn(Net(), "logger")
     monkeypatch.setattr(bus, "clock", lambda: now[0])
@@ -142,7 +148,9 @@ def test_a_logger_that_gives_up_says_so(monkeypatch, caplog):
 
 
 def test_changes_of_all_pictures_together_are_a_whole_one():
-    """Robots are stopped, reset and in each other's way, and after a tick there is no picture."""
+    """Robots are stopped, reset and in each other's way. Every 37th tick has no picture, and the
+    next one must hold its news, too.
+    """
     local = Local(Scenario(rows=10, pickers=10, seed=4))
     doing = dict[str, str]()
     builder = FrameBuilder(local.engine)
@@ -158,7 +166,10 @@ def test_changes_of_all_pictures_together_are_a_whole_one():
 
 
 def test_bundles_hold_each_picture_with_what_was_said(monkeypatch):
-    """A bundle holds pictures, and the events and letters of the step of each."""
+    """A bundle holds pictures, and the events and letters of the step of each.
+
+    In 725 ticks the first bins are full and call, so there are events and letters.
+    """
     monkeypatch.setattr("orchard.server.publisher.BUNDLE_SECONDS", math.inf)
     ticks = 725
     run = Run(Scenario(rows=3), "run1", 725)
@@ -210,6 +221,7 @@ def test_a_slow_recorder_holds_physics_up_no_more_than_none(fleet, tmp_path):
     assert hash_ == local_hash(Scenario(rows=3), ticks)
     code, _, complaints = slow.end()
     assert code == 0
+    # More than MOST frames, which the queue holds, were written, and many were left out.
     left_out = read_part(file).left_out
     assert left_out > ticks / 3
     assert f"{left_out} frames" in complaints
@@ -221,6 +233,7 @@ def test_a_slow_recorder_holds_physics_up_no_more_than_none(fleet, tmp_path):
     assert ticks - left_out > MOST
 
 
+# Of the run whose logger is killed and frozen.
 TICKS = 2000
 
 
@@ -300,7 +313,7 @@ def test_a_run_with_a_battered_logger_has_the_same_hash(battered, unharmed):
     assert len(re.findall(r"logger ended with code -9; starting it again", printed)) == 3
 
 
-def test_its_parts_are_one_recording(battered):
+def test_the_parts_are_one_recording(battered):
     file, summary, printed = battered
     parts = parts_of(file)
     assert [path.name for path in parts] == ["run.rrd", "run.part2.rrd", "run.part3.rrd"]
@@ -312,6 +325,8 @@ def test_its_parts_are_one_recording(battered):
 
 def test_gaps_are_named_in_the_summary_and_the_recording(battered, rows):
     _, summary, _ = battered
+    # One of them is before the second part, and one before the third: the logger that was killed
+    # while it started has left no part.
     gaps = summary["recording_gaps"]
     assert len(gaps) == 2
     lines = lines_of(rows)
@@ -418,7 +433,7 @@ def picture(tick: int, **news: object) -> Frame:
 
 
 def written(pages: FrameQueue, last: int | None = 0) -> Notebook:
-    """Write what is left in a queue, after the frame of tick `last`."""
+    """Let a notebook take what is left in a queue, after the frame of tick `last`. Return it."""
     pages.close()
     notebook = Notebook()
     write(pages, notebook, last)

@@ -1,4 +1,9 @@
-"""Drives are cut where a vehicle may have to wait: the parts of one, and what they give back."""
+"""Drives are cut where a vehicle may have to wait: the parts of one, and what they give back.
+
+orchard/roads makes a map of roads for fleet control, of nodes and edges. A drive of a plan has
+gates: points before which the robot must get places on the roads (`needs`), or behind which it
+gives them back (`frees`). It may have to stand at each gate, so the map has a node there.
+"""
 
 from itertools import pairwise
 
@@ -15,12 +20,14 @@ from orchard.roads.pickers import graphs_of
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_a_drive_is_cut_at_the_gates_ahead_of_it(direction):
-    """The drive leads from 0 m to 10 m.
+    """The drive leads from 0 m to 10 m, to the east or the west, and is cut at 4 m.
 
-    Each gate belongs to one part, and gates beyond the end belong to none.
+    Each gate belongs to one part. Gates beyond the end belong to none, and needs behind the start
+    neither: the robot asks for nothing there any more.
     """
 
     def gates(**places: float) -> list[Gate]:
+        """Return gates: the name of a place, and how far along the drive its gate is, m."""
         return [Gate([place], direction * at) for place, at in places.items()]
 
     drive = DriveTo(
@@ -46,7 +53,9 @@ def test_a_drive_without_gates_stays_whole():
 
 @pytest.mark.parametrize("bays", [1, 2, 3])
 def test_a_map_has_each_place_of_the_bay(bays):
-    """They lie one behind the other, and carriers come to the last one first."""
+    """They lie one behind the other, 4.1 m apart (`CLOSED_UP`), and carriers from outside come to
+    the last one first.
+    """
     carriers = graphs_of(lay_out(Scenario(rows=3, bays=bays)))[0]
     assert carriers.kind == "carrier"
     places = [BAY, "bay/2", "bay/3"][:bays]

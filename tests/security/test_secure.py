@@ -1,5 +1,9 @@
 """Which role may do what, by effect: real certificates, real sessions, a real physics process, and
 sessions that try what is not theirs.
+
+A role is what a session may do in a secured run: its certificate and the router's access rules say
+so. amy has the agent of picker_01 (`MINE`), and ben those of picker_02 (`HERS`) and bin_01. What
+the access rules deny is dropped without a word, so the tests look at what happens.
 """
 
 import json
@@ -29,7 +33,7 @@ from orchard.wire.keys import TABLE
 from orchard.wire.messages import read
 
 # Options of physics that leave all agents to clients.
-NONE = [word for name in agent_names(SMALL) for word in ("--absent", name)]
+NO_AGENTS = [word for name in agent_names(SMALL) for word in ("--absent", name)]
 
 
 @pytest.fixture
@@ -37,7 +41,7 @@ def farm(folder, tmp_path):
     """Give a secured physics process, and sessions that join it."""
     with ExitStack() as stack:
         processes = Processes(tmp_path, stack)
-        processes.physics(SMALL, "--secure", str(folder / "physics"), "--speed", "4", *NONE)
+        processes.physics(SMALL, "--secure", str(folder / "physics"), "--speed", "4", *NO_AGENTS)
         farm = Farm(folder, processes.endpoint, processes.run, stack)
         farm.physics = processes.world
         yield farm
@@ -56,6 +60,9 @@ def meeting(folder):
 
 
 def test_an_agent_moves_its_own_robot_and_no_other(farm):
+    """amy tries to drive ben's robot in all ways, then drives her own. The other one stands still,
+    until ben drives it.
+    """
     amy = farm.come("amy")
     ben = farm.come("ben")
     witness = farm.come("logger")
@@ -89,7 +96,7 @@ def test_an_agent_does_not_move_what_another_holds(farm):
     for ahead in range(3):
         amy.drive_as(amy.bus.id, ben.bus.id, HERS, tick + ahead)
         amy.drive_as(ben.bus.id, ben.bus.id, HERS, tick + ahead)
-    # Physics has read what came before.
+    # A reply shows that physics has read what amy sent before.
     assert amy.asks("scenario")
     for ahead in range(3):
         velocities = wire.Velocities(farm.run, tick + ahead, ben.bus.id, {HERS: wire.Report()})
@@ -106,7 +113,7 @@ def test_an_agent_is_alive_under_its_own_name_only(farm):
     amy.bus.declare_alive(KEYS.of("alive", HERS, ben.bus.id))
     amy.bus.declare_alive(KEYS.of("alive", MINE, amy.bus.id))
     missing = "its liveliness token is missing"
-    # Physics has heard of what came before.
+    # This reply shows that physics has heard of all that amy declared before.
     assert amy.join(MINE) == ""
     assert amy.join(HERS) == missing
     assert ben.join(HERS) == missing
@@ -114,7 +121,7 @@ def test_an_agent_is_alive_under_its_own_name_only(farm):
     assert ben.join(HERS) == ""
 
 
-def test_nobody_joins_in_anothers_name(farm):
+def test_no_session_joins_in_anothers_name(farm):
     """Physics tells the memory of ben's agent to ben alone, while ben's token is there."""
     amy = farm.come("amy")
     ben = farm.come("ben")
@@ -148,15 +155,15 @@ def test_an_agent_hears_its_own_mail_and_no_other(meeting):
     ben = meeting.come("ben")
     asker = meeting.come("shed")
     amy.bus.answer(KEYS.of("mail", HERS))
-    # The router has what amy declares in order, so it has refused the mail of ben's robot before
+    # The router takes what amy declares in order. So it has refused the mail of ben's robot before
     # it takes that of her own.
     amy.bus.answer(KEYS.of("mail", MINE))
-    assert who_answers(asker, MINE, [amy, ben]) == [amy]
+    assert sessions_that_answer(asker, MINE, [amy, ben]) == [amy]
     ben.bus.answer(KEYS.of("mail", HERS))
-    assert who_answers(asker, HERS, [amy, ben]) == [ben]
+    assert sessions_that_answer(asker, HERS, [amy, ben]) == [ben]
 
 
-def who_answers(asker: Somebody, name: str, others: list[Somebody]) -> list[Somebody]:
+def sessions_that_answer(asker: Somebody, name: str, others: list[Somebody]) -> list[Somebody]:
     """Return which of these sessions a request to a robot's agent reaches.
 
     The request is made again until it reaches one.
@@ -176,6 +183,7 @@ def who_answers(asker: Somebody, name: str, others: list[Somebody]) -> list[Some
 
 
 def test_an_agent_sees_its_own_robot_and_no_other(farm):
+    """While ben sees ticks pass, amy hears only the poses of her own robot."""
     amy = farm.come("amy")
     ben = farm.come("ben")
     for what in ("pose", "scan", "velocity"):
@@ -192,7 +200,9 @@ def test_an_agent_sees_its_own_robot_and_no_other(farm):
 
 
 def test_another_session_with_a_roles_certificate_may_nothing(meeting):
-    """The rules name the session, too: no session is alive under the id of another."""
+    """The rules name the session, too. What amy's sister puts with amy's certificate never arrives,
+    and what amy puts afterwards does.
+    """
     meeting.bus.subscribe(KEYS.of("velocity"))
     amy = meeting.keyring.of("amy")
     with client(
@@ -204,7 +214,9 @@ def test_another_session_with_a_roles_certificate_may_nothing(meeting):
 
 
 def test_the_logger_moves_nothing_and_stops_nothing(farm):
-    """A logger may put how much it refused. That comes last here, and is counted."""
+    """It tries what only others may. Last it puts how much it refused, which a logger may: when
+    that is counted, physics has got all of the logger that it will get.
+    """
     logger = farm.come("logger")
     operator = farm.come("operator")
     logger.bus.subscribe(KEYS.of("pose", MINE))
@@ -228,7 +240,7 @@ def test_the_logger_moves_nothing_and_stops_nothing(farm):
     assert pose.pose == start.pose
 
 
-def test_the_emergency_operator_stops_and_an_agent_cannot(farm):
+def test_the_operator_ends_a_run_and_an_agent_cannot(farm):
     amy = farm.come("amy")
     operator = farm.come("operator")
     end = wire.SetSimulationState(farm.run, "quitting")
@@ -239,7 +251,8 @@ def test_the_emergency_operator_stops_and_an_agent_cannot(farm):
     assert "stopped" in out
 
 
-def test_the_warden_stops_a_robot_and_an_agent_cannot(farm):
+def test_an_emergency_operator_stops_a_robot_and_resets_no_run(farm):
+    """The role may stop robots, and an agent may not. To reset the run is not its right either."""
     amy = farm.come("amy")
     operator = farm.come("emergency-operator")
     witness = farm.come("logger")
@@ -251,7 +264,8 @@ def test_the_warden_stops_a_robot_and_an_agent_cannot(farm):
     assert witness.pose(MINE)
 
 
-def test_who_has_no_certificate_is_not_let_in(meeting):
+def test_a_session_without_a_certificate_is_not_let_in(meeting):
+    """It knows the authority, and speaks TLS."""
     config = zenoh.Config()
     tls = {
         "transport/link/tls/root_ca_certificate": str(meeting.keyring.folder / "amy" / AUTHORITY)
@@ -274,7 +288,7 @@ def assert_not_let_in(words, endpoint, identity=None):
         pass
 
 
-def test_who_speaks_no_tls_is_not_let_in(meeting):
+def test_a_session_without_tls_is_not_let_in(meeting):
     assert_not_let_in("no router answers there", meeting.endpoint.replace("tls/", "tcp/"))
 
 
@@ -314,6 +328,7 @@ LIVES = (3.0, 30.0, 300.0)
 
 
 def test_a_connection_ends_with_its_certificate(folder, tmp_path):
+    """The router closes it when the certificate is over: the token comes, and then it goes."""
     shutil.copytree(folder, tmp_path / "roles")
     authority = Authority.begin(1)
     keyring = Keyring.load(tmp_path / "roles")
@@ -343,11 +358,16 @@ def test_a_role_is_at_work_once(meeting):
     assert_not_let_in("use this role already", meeting.endpoint, meeting.keyring.of("amy"))
 
 
-def test_every_key_has_somebody_who_may():
+def test_every_key_has_rights():
+    """RIGHTS says of each key which roles may use it."""
     assert set(RIGHTS) == set(TABLE)
 
 
-def test_nobody_writes_what_is_anothers():
+def test_no_role_writes_what_is_anothers():
+    """The access rules of Zenoh are computed for some roles, and read by their ids.
+
+    "ingress put" are the keys on which the router takes messages of a role.
+    """
     roles = [*SERVANTS, Role("amy", "host", (MINE,)), Role("ben", "host", (HERS,))]
     roles += [
         Role("eve", "bridge"),

@@ -33,6 +33,7 @@ LONGEST = "w" * 64
 
 
 def test_keys_are_for_the_owners_eyes_only(folder):
+    """Only the user who has made the roles may read them."""
     assert folder.stat().st_mode & 0o777 == 0o700
     for role in folder.iterdir():
         assert role.stat().st_mode & 0o777 == 0o700
@@ -89,6 +90,7 @@ def test_each_agent_gets_a_role_however_long_its_name_is(tmp_path):
     assert Keyring.load(tmp_path / "roles").of(LONGEST).role.names == (LONGEST,)
 
 
+# Arguments of `orchard secure`, and words of the refusal.
 NO_ROLES = [
     (["--role", f"{LONGEST}x=carrier"], f"{LONGEST}x: not a name for a role; use up to 64 letters"),
     (
@@ -122,6 +124,7 @@ def test_another_directorys_things_are_left_alone(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["diary.txt"]
 
 
+# Arguments of a run, and words of the refusal. The roles in the folder are those of SMALL.
 NO_RUNS = [
     (["--secure", "nowhere"], "nowhere: no roles there"),
     (
@@ -158,6 +161,7 @@ def test_what_cannot_be_run_is_named(arguments, named, folder, tmp_path, monkeyp
 
 @pytest.fixture
 def roles(folder, tmp_path) -> Path:
+    """Return a copy of the folder of roles, which a test may spoil."""
     return shutil.copytree(folder, tmp_path / "roles")
 
 
@@ -181,7 +185,7 @@ def with_more_names(own: Path, stranger: Path) -> None:
     )
 
 
-# What makes a role's directory useless -> what is said of it.
+# What makes amy's directory useless, given hers and that of another authority; and what is said.
 NO_USE = [
     (lambda own, stranger: (own / "key.pem").unlink(), "key.pem: no such file"),
     (
@@ -260,28 +264,27 @@ def test_a_secured_run_is_local_mode(folder, tmp_path):
     )
     assert summary_of(summary)["hash"] == local_hash(SMALL, 300)
     assert summary_of(summary)["messages_refused"] == {}
-    # The logger has heard what happened.
+    # The logger has heard what happened: a recording of the scenery alone is smaller.
     assert recording.stat().st_size > 100_000
 
 
-@pytest.mark.parametrize("its", ["router", pytest.param("physics", marks=pytest.mark.soak)])
-def test_a_machine_needs_no_more_than_its_roles_directory(its, fleet, folder, tmp_path):
+@pytest.mark.parametrize(
+    "has_router", [True, pytest.param(False, marks=pytest.mark.soak)], ids=["router", "physics"]
+)
+def test_a_machine_needs_no_more_than_its_roles_directory(has_router, fleet, folder, tmp_path):
     """Each process has only a copy of its own role's files.
 
-    Physics is the router, or there is one of its own.
+    There is a process for the router, or physics is the router.
     """
     copies = {
         path.name: str(shutil.copytree(path, tmp_path / f"machine of {path.name}" / path.name))
         for path in folder.iterdir()
     }
     where = ["--listen", "tls/127.0.0.1:0"]
-    if its == "router":
-        where = [
-            "--connect",
-            fleet.start("orchard.processes.router", *where, "--secure", copies["router"])
-            .line()
-            .split()[-1],
-        ]
+    if has_router:
+        router = fleet.start("orchard.processes.router", *where, "--secure", copies["router"])
+        # It prints: listening on ENDPOINT.
+        where = ["--connect", router.line().split()[-1]]
     fleet.physics(SMALL, *where, "--secure", copies["physics"], "--duration", "20")
     for role in HOSTS:
         fleet.host("--secure", copies[role])
@@ -292,8 +295,10 @@ def test_a_machine_needs_no_more_than_its_roles_directory(its, fleet, folder, tm
     "killed",
     ["host", *(pytest.param(one, marks=pytest.mark.soak) for one in ("physics", "router"))],
 )
-def test_who_is_killed_comes_back_as_the_same_role(killed, fleet, folder, tmp_path):
-    """It comes back under the same session, which the others may still know."""
+def test_a_killed_process_comes_back_as_the_same_role(killed, fleet, folder, tmp_path):
+    """It comes back with the same session id, which the others may still know, and the hash is that
+    of local mode.
+    """
     pace = [
         "--secure",
         str(folder / "physics"),

@@ -11,6 +11,7 @@ from orchard.tables.folder import as_table
 
 
 def test_a_summary_becomes_one_row():
+    """A map becomes a column for each of its keys, if these are known; else, as lists, its JSON."""
     summary = {"hash": "ab", "ticks": 5, "lost_seconds": {"traffic": 1.5}, "violations": []}
     summary |= {"scenario": {"rows": 3}, "history": {"seconds": [1, 2]}}
     table = as_table(summary)

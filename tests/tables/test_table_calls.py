@@ -1,9 +1,14 @@
-"""The tables of calls and of exchanges, made of events and messages."""
+"""The tables of calls and of exchanges, made of events and messages.
+
+A call of a bin ends when a carrier fetches it. An exchange is that of a full bin for an empty one.
+Rows have the ticks at which their steps happened; what did not happen is None.
+"""
 
 from orchard.tables.exchanges import calls, exchanges
 
 
 def message(tick, sender, recipient, type_, content="{}"):
+    """Return a row of the table of messages."""
     return {
         "tick": tick,
         "sender": sender,
@@ -14,7 +19,10 @@ def message(tick, sender, recipient, type_, content="{}"):
 
 
 def test_a_carrier_that_does_not_come_is_followed_by_the_next():
-    """carrier_01 says yes and does not come, so bin_01 sends for carrier_02."""
+    """carrier_01 says yes and does not come, so bin_01 sends for carrier_02.
+
+    The row has the carrier that fetched the bin. At the third message, carrier_01 is on its way.
+    """
     called = '{"type":"call","lane":2,"side":"west","since":3}'
     said = [
         message(3, "bin_01", "carrier_01", "call", called),
@@ -36,6 +44,8 @@ def test_a_carrier_that_does_not_come_is_followed_by_the_next():
 
 
 def test_a_picker_that_couples_its_full_bin_has_no_empty_one():
+    """It couples its own full bin anew, at tick 100. Only another bin is the empty one."""
+
     def event(tick, what, who, whom, detail=None):
         return {"tick": tick, "what": what, "who": who, "whom": whom, "detail": detail}
 
@@ -48,5 +58,6 @@ def test_a_picker_that_couples_its_full_bin_has_no_empty_one():
 
 
 def test_tables_from_the_middle_have_no_false_rows():
+    """The events before are missing, in which the bins were full and left."""
     coupled = {"tick": 90, "what": "coupled", "who": "picker_02", "whom": "bin_01", "detail": None}
     assert exchanges([coupled, {**coupled, "what": "unloaded", "who": "bin_09"}]) == []

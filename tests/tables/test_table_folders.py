@@ -1,5 +1,10 @@
-"""Folders of tables: what is refused there, and what is kept."""
+"""Folders of tables: what is refused there, and what is kept.
 
+While a run goes on, a table is a folder, NAME.parquet, with files of rows; at the end it becomes a
+file, if it is not too large. `run` and `tick` let a run write its tables (tests/support).
+"""
+
+import errno
 import os
 
 import pytest
@@ -70,7 +75,7 @@ def test_a_file_in_place_of_the_folder_is_told(tmp_path):
         check_folder(tmp_path / "tables", SMALL)
 
 
-@pytest.mark.parametrize("fault", [13, 30])
+@pytest.mark.parametrize("fault", [errno.EACCES, errno.EROFS], ids=["no right", "read-only"])
 def test_a_folder_that_can_only_be_read_is_told_in_words(tmp_path, monkeypatch, capsys, fault):
     def refuse(path, *_, **__):
         raise OSError(fault, os.strerror(fault), str(path))
@@ -84,7 +89,9 @@ def test_a_folder_that_can_only_be_read_is_told_in_words(tmp_path, monkeypatch, 
 
 
 def test_tables_that_do_not_fit_a_resumed_run_are_refused(tmp_path):
-    """They are of another run, or rows are missing."""
+    """The tables end at tick 5. A run that goes on later would leave a gap; and if they are those
+    of a run that has ended, one that goes on earlier would remove rows.
+    """
     run(Local(SMALL), tmp_path, 5).close()
     check_folder(tmp_path, SMALL, 5)
     with pytest.raises(
@@ -117,7 +124,7 @@ def test_a_full_disk_is_logged_once_and_told_at_the_end(tmp_path, monkeypatch, c
     tables.flush()
 
     def refuse(*_):
-        raise OSError(28, os.strerror(28))
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(folders, "write_whole", refuse)
     tick(local, tables)

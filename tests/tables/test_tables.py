@@ -31,6 +31,7 @@ from orchard.tables.folder import GrowingTable, complete
 from orchard.tables.tables import Tables
 
 TICKS = 60
+# Errors of sensors: of receivers in m, of odometry as a share of the way and in rad a metre.
 GNSS = {"sensors.gnss.white": 0.01, "sensors.gnss.bias": 0.02}
 ODOMETRY = {"sensors.odometry.distance": 0.02, "sensors.odometry.heading": 0.01}
 ERRING = with_changes(SMALL, **GNSS, **ODOMETRY)
@@ -203,7 +204,9 @@ def test_the_events_and_the_messages_are_those_of_the_run(whole):
 
 
 def test_an_exchange_lasts_for_the_wait_and_the_drive_before(whole):
-    """The wait is that of the summary, which counts from when the picker comes to its row's end."""
+    """A row counts from the full bin on. The wait of the summary is shorter: it begins when the
+    picker has come to its row's end and left the bin there.
+    """
     rows = rows_of(whole.folder, "exchanges")
     supplied = [row for row in rows if row["supplied"] is not None]
     supplied.sort(key=lambda row: row["supplied"])
@@ -243,6 +246,7 @@ def test_the_page_names_each_column():
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory):
+    """Return the tables of a run that nothing interrupts."""
     folder = tmp_path_factory.mktemp("undisturbed")
     run(Local(ERRING), folder, TICKS).close()
     return read(folder)
@@ -262,7 +266,11 @@ def undisturbed(tmp_path_factory):
 def test_a_run_that_is_resumed_leaves_each_row_once(
     tmp_path, undisturbed, monkeypatch, most, snapshot_tick, end_tick, is_closed
 ):
-    """Rows after the snapshot are written a second time."""
+    """The run goes on from the snapshot, so the rows after it are written a second time.
+
+    `most`: the rows that a file of a growing table has at most. `is_closed`: the run was stopped,
+    and not killed, at `end_tick`.
+    """
     monkeypatch.setattr(folders, "MOST_ROWS", most)
     local = Local(ERRING)
     tables = run(local, tmp_path, snapshot_tick)
@@ -282,6 +290,7 @@ def test_a_run_that_is_resumed_leaves_each_row_once(
 
 
 def test_a_file_torn_by_a_kill_goes(tmp_path, undisturbed):
+    """A file is written under a hidden name, and renamed when it is whole."""
     local = Local(ERRING)
     tables = run(local, tmp_path, 40)
     torn = tmp_path / "bodies.parquet" / ".000001.parquet.123.new"
@@ -293,11 +302,11 @@ def test_a_file_torn_by_a_kill_goes(tmp_path, undisturbed):
     assert not torn.exists()
 
 
-# Each waits for the disk.
+# Few examples, because each waits for the disk.
 @settings(max_examples=25)
 @given(st.lists(st.integers(1, 4), max_size=12), st.integers(0, 12), st.integers(1, 9))
 def test_what_is_removed_from_a_growing_table_comes_again(tmp_path_factory, steps, until, most):
-    """Steps of some ticks are written one after another.
+    """`steps`: how many rows are written at once, one row a tick. `most`: rows of a file at most.
 
     A second table then begins at the tick `until`. It removes all rows from there on, and they are
     written again.

@@ -1,5 +1,8 @@
 """What the first look at a recording needs: names that can be read, a camera where the work is,
 lines of what is said, true shapes.
+
+`Rows` reads the recording of an entity back; `layout` and `recording` are those of a short harvest
+(tests/support/recordings.py). The focus is the point at which the camera looks.
 """
 
 import json
@@ -26,17 +29,21 @@ from orchard.view.talk import gathered, level_of, line_of
     [({"rows": 20, "pickers": 20}, 35), ({"rows": 100, "pickers": 50, "carriers": 100}, 65)],
 )
 def test_no_name_on_the_plan_covers_another(size: dict, named: int, tmp_path: Path) -> None:
-    """Where there is no room, a name is left out."""
+    """Where there is no room, a name is left out. `named`: how many robots of this layout have one
+    at the start.
+    """
     layout = lay_out(Scenario(**size))
     path = recording_of(tmp_path / "large.rrd", layout, [Frame(0, starts(layout))])
     ((_, points),) = Rows(path, "/plan/names").values("Points3D:positions")
     ((_, labels),) = Rows(path, "/plan/names").values("Points3D:labels")
     scale = points_to_metres(layout)
     assert len(labels) == len(points) == named
+    # A name hangs DROP points below its pin. m, (names, 2).
     middles = np.array(points)[:, :2] - (0.0, DROP * scale)
-    # The size of a name such as P01, as Rerun writes it.
+    # The size of a name such as P01 as Rerun writes it, 28 points by 22, in m.
     wide = 28.0 * scale
     high = 22.0 * scale
+    # The distances of all pairs in x and y, (names, names, 2).
     apart = np.abs(middles[:, None] - middles[None])
     covered = [
         (labels[a], labels[b])
@@ -48,6 +55,7 @@ def test_no_name_on_the_plan_covers_another(size: dict, named: int, tmp_path: Pa
 
 @pytest.mark.parametrize(("rows", "numbered"), [(20, 20), (100, 25)])
 def test_no_number_of_a_row_covers_another(rows: int, numbered: int, tmp_path: Path) -> None:
+    """Of 100 rows every fourth one has its number. A number is 22 points high."""
     layout = lay_out(Scenario(rows=rows))
     shown = Rows(
         recording_of(tmp_path / "rows.rrd", layout, [Frame(0, starts(layout))]), "/plan/rows"
@@ -72,7 +80,11 @@ def test_a_name_stands_below_its_pin_and_stays_there(layout: Layout, tmp_path: P
     ("robot", "glides"), [("picker_02", True), ("carrier_01", False)], ids=["near", "far"]
 )
 def test_the_camera_glides_near_and_cuts_far(robot, glides, layout) -> None:
-    """The camera stays with a robot for a while before it goes on."""
+    """The camera looks at picker_01, which works, and from tick 1 on another robot does.
+
+    It stays for DWELL, s, before it goes on. To a robot that is near it moves smoothly, by less
+    than 5 % of the way in a tick; to one that is far it jumps.
+    """
     focus = Focus(layout)
     poses = starts(layout)
     states = {"picker_01": "picking", "picker_02": "waiting", "carrier_01": "waiting"}
@@ -158,7 +170,7 @@ def test_questions_of_safety_do_not_crowd_out_the_harvest() -> None:
     assert level_of("lost") == "ERROR"
 
 
-# m above the height of the kind.
+# How far a model rises above the height of its kind, m.
 HATS = {"worker": 0.2}
 # The numbers of types in glTF.
 FLOAT = 5126
@@ -167,6 +179,8 @@ BYTE = 5121
 
 def vertices(name: str) -> tuple[np.ndarray, np.ndarray]:
     """Return the positions, (v, 3) m, and colours, (v, 3) up to 255, of a model's only mesh."""
+    # A GLB file: a head of 12 bytes; the length and type of a part of JSON, in 8 bytes, and that
+    # part; the same of a part of bytes.
     data = (MODELS / f"{name}.glb").read_bytes()
     begin = 20 + int.from_bytes(data[12:16], "little")
     scene = json.loads(data[20:begin])
@@ -192,7 +206,8 @@ def test_the_model_of_a_body_fills_its_size_in_its_colour(kind):
     assert places.max(axis=0) == pytest.approx(
         [size.length / 2, size.width / 2, size.height + HATS.get(kind, 0.0)], abs=1e-4
     )
-    assert np.abs(colours - size.colour).max(axis=1).min() < 15, "no face in the sun has it"
+    # Faces are shaded. The brightest has the colour of the kind, to 15 of 255.
+    assert np.abs(colours - size.colour).max(axis=1).min() < 15
 
 
 def test_a_worker_has_a_yellow_hat():

@@ -1,4 +1,8 @@
-"""The parts of a recording: where it goes on, and what is missing between them."""
+"""The parts of a recording: where it goes on, and what is missing between them.
+
+If the logger dies, the next one goes on in a further file, run.part2.rrd. `before` reads what a
+recording has: the file in which to go on, its last tick (0: nothing), the colours of states.
+"""
 
 from dataclasses import replace
 
@@ -16,11 +20,14 @@ LAYOUT = lay_out(Scenario(rows=3))
 
 
 def course(ticks: range) -> list[Frame]:
-    """Return the frames of some ticks."""
+    """Return the frames of these ticks. A frame is what a recording shows of a tick."""
     return [frame for frame in frames(LAYOUT, (ticks.stop - 1) / 10) if frame.tick in ticks]
 
 
 def test_a_recording_goes_on_where_it_can_be_read_to(tmp_path):
+    """A recording of ticks 0 to 52 is there; then a longer one whose last tenth is torn off; then
+    files in which nothing can be read.
+    """
     path = tmp_path / "run.rrd"
     assert before(path, "a")[:2] == (path, 0)
     recording_of(path, LAYOUT, course(range(53)), "a")
@@ -49,6 +56,9 @@ def test_a_recording_of_another_run_is_not_gone_on_with(tmp_path):
 
 
 def test_what_is_missing_is_read_from_the_parts(tmp_path):
+    """The first part ends at 5.2 s, and the second begins at 9.0 s and ends at 14.9 s, of 17 s. In
+    it seven frames were left out.
+    """
     path = tmp_path / "run.rrd"
     recording_of(path, LAYOUT, course(range(53)), "a")
     recorder = Recorder(LAYOUT, "a", before(path, "a").file)
@@ -66,7 +76,9 @@ def test_what_is_missing_is_read_from_the_parts(tmp_path):
 
 
 def test_every_tick_counts_when_pictures_are_left_out(tmp_path):
-    """No picture falls on a whole second, and yet the file is written as the run goes on."""
+    """Rows are gathered, and written once a second. Of every seven ticks one has a picture here,
+    and none of these falls on a whole second. Yet the file is written as the run goes on.
+    """
     path = tmp_path / "run.rrd"
     recorder = Recorder(LAYOUT, "a", path)
     for frame in course(range(3, 600, 7)):
@@ -78,7 +90,9 @@ def test_every_tick_counts_when_pictures_are_left_out(tmp_path):
 
 
 def test_a_further_part_shows_what_has_gone_in_the_gap(tmp_path):
-    """In the part before there are a weed, a bar, and the fruit of a row."""
+    """The first part shows a weed, the bar between picker and bin, and the fruit of a row. In the
+    gap the weed was flattened, the bin uncoupled, and the row picked: the second part clears them.
+    """
     path = tmp_path / "run.rrd"
     poses = starts(LAYOUT)
     weed = LAYOUT.index["weed_01"]
@@ -126,6 +140,7 @@ def test_a_recorder_behind_records_the_same_in_fewer_pieces(tmp_path):
     apart = recording_of(tmp_path / "apart.rrd", LAYOUT, frames_)
     together = tmp_path / "together.rrd"
     torn = tmp_path / "torn.rrd"
+    # It takes itself to be behind, because a frame always waits. So it gathers rows of 25 s.
     recorder = Recorder(LAYOUT, "a", together)
     recorder.waiting = lambda: 1
     for frame in frames_:

@@ -1,4 +1,7 @@
-"""The picture as pixels, in Rerun's own viewer and in its web viewer."""
+"""The picture as pixels, in Rerun's own viewer and in its web viewer.
+
+`recording` is a harvest of 85 s, and `harvested` are its frames (tests/support/recordings.py).
+"""
 
 import glob
 import io
@@ -41,15 +44,14 @@ def why_no_renderer() -> str:
         for library in ("xkbcommon-x11", "X11-xcb", "Xcursor", "Xi", "Xrandr")
         if find_library(library) is None
     ]
-    return (
-        f"missing for the headless viewer: {', '.join(missing)} (see .ci/apt-packages.txt)"
-        if missing
-        else ""
-    )
+    if missing:
+        return f"missing for the headless viewer: {', '.join(missing)} (see .ci/apt-packages.txt)"
+    return ""
 
 
 @pytest.fixture(scope="module")
 def viewer(recording: Path) -> Iterator[ViewerClient]:
+    """Open the recording in Rerun's viewer, without a window."""
     with looking_at(WINDOW, recording) as client:
         yield client
 
@@ -69,6 +71,7 @@ class TestInTheViewer:
             for report in view.reports
         ] == []
 
+    # Values of pixels are 0 to 255. A blank picture has no deviation, and robots are small in it.
     def test_the_picture_is_not_blank_and_moves(self, viewer: ViewerClient) -> None:
         early = picture(viewer, 5.0, "At work")
         late = picture(viewer, 60.0, "At work")
@@ -78,9 +81,11 @@ class TestInTheViewer:
     def test_robots_are_where_the_plan_says(
         self, viewer: ViewerClient, layout: Layout, harvested: list[Frame]
     ) -> None:
+        # The frame of 85.0 s is that of tick 850; the first frame is of tick 1.
         plan = picture(viewer, 85.0, "Plan")
-        frame = harvested[849]
+        frame = harvested[850 - 1]
         for name in ("picker_01", "picker_02"):
+            # The pin is within 6 pixels of it, and its colour about that of the state.
             column, row = on_the_plan(plan, layout, *frame.poses[layout.index[name]][:2])
             around = plan[row - 6 : row + 7, column - 6 : column + 7].reshape(-1, 3)
             assert np.abs(around - STATES["waiting"]).sum(axis=1).min() < 90, (
@@ -103,7 +108,10 @@ class TestInTheViewer:
 
 
 def on_the_plan(plan: np.ndarray, layout: Layout, x: float, y: float) -> tuple[int, int]:
-    """Return column and row of a place. The plan fits into the view, centred."""
+    """Return column and row of a place, m, in pixels. The plan fits into the view, centred.
+
+    Its top is at y = 34 m, and its middle in x at 0.
+    """
     high, wide = plan_size(layout)
     rows, columns = plan.shape[:2]
     scale = min(rows / high, columns / wide)
@@ -111,14 +119,14 @@ def on_the_plan(plan: np.ndarray, layout: Layout, x: float, y: float) -> tuple[i
     return round(columns / 2 + x * scale), round(rows / 2 - (y - middle) * scale)
 
 
-# WebGL without a graphics card.
+# An option of Chromium: WebGL without a graphics card.
 SOFTWARE = "--enable-unsafe-swiftshader"
-# tick: the viewer plays four times as fast as life, and must not come there while the test looks.
+# The tick of the second part. The viewer plays four times as fast as life, and must not come there
+# while the test looks.
 END = 30_000
-NEAR = (
-    # Sum of the differences of a colour's three parts; leaves are 59 from a pin that is green.
-    40
-)
+# A pixel has about a colour if the differences of red, green and blue, of 255, add up to less.
+# Leaves are 59 from a pin that is green.
+NEAR = 40
 
 
 @pytest.fixture

@@ -1,4 +1,9 @@
-"""The picture, read back from the file with Rerun's own reader."""
+"""The picture, read back from the file with Rerun's own reader.
+
+`harvested` are the frames of a short harvest, and `recording` is the file that the recorder has
+made of them (tests/support/recordings.py). A recording has entities, such as /world/bins/bin_01,
+whose components have values from certain times on, s.
+"""
 
 import json
 import os
@@ -34,6 +39,7 @@ from orchard.view.reader import LETTERS, column, optimize, ticks_of
 from orchard.view.recorder import Recorder, hits
 from orchard.view.scenery import PATCH, Part
 
+# The first parts of the paths of all entities.
 LAYERS = {
     "recording",
     "world",
@@ -99,6 +105,9 @@ def test_every_body_has_a_shape_in_a_frame_of_its_own(layout: Layout, recording:
 
 
 def test_what_a_robot_does_is_its_state_and_pin_colour(recording: Path) -> None:
+    """picker_01 picks 70 m at 1 m/s from the start on. Colours are numbers of 8 bits each for red,
+    green, blue and opacity.
+    """
     lines = [
         (t, state[0])
         for t, state in Rows(recording, "/world/pickers/picker_01").values("StateChange:state")
@@ -114,7 +123,7 @@ def test_what_a_robot_does_is_its_state_and_pin_colour(recording: Path) -> None:
 
 
 def test_scans_are_thinned_and_in_the_frame_of_their_robot(layout: Layout, tmp_path: Path) -> None:
-    # A wall 4 m around, and nothing to the left.
+    # Of 180 beams the right half hits a wall in 4 m, and the left half nothing.
     ranges = np.where(np.arange(180) < 90, np.float32(4.0), np.float32(np.inf))
     course = [
         Frame(tick, starts(layout), scans=[ranges for _ in layout.starts]) for tick in range(21)
@@ -124,7 +133,7 @@ def test_scans_are_thinned_and_in_the_frame_of_their_robot(layout: Layout, tmp_p
     )
     assert [t for t, _ in clouds] == [0.0, 0.5, 1.0, 1.5, 2.0]
     points = np.array(clouds[0][1])
-    # Every second beam of the 90 that hit.
+    # Every second beam of the 90 that hit, rounded to 1/32 m, so that the file is small.
     assert len(points) == 45
     assert np.all(points[:, :2] * 32 == np.round(points[:, :2] * 32))
     assert np.hypot(points[:, 0] - KINDS["carrier"].laser.ahead, points[:, 1]) == pytest.approx(
@@ -133,6 +142,10 @@ def test_scans_are_thinned_and_in_the_frame_of_their_robot(layout: Layout, tmp_p
 
 
 def test_hits_leaves_out_what_is_not_there() -> None:
+    """A beam without a return is infinite or has the range of the laser, 10 m.
+
+    `sweeps`: (scans, beams) m. `lengths`: how many points of each scan are left.
+    """
     sweeps = np.array(
         [[np.inf, 2.0, np.inf, 3.0, 10.0], [1.0, 10.0, 10.0, 10.0, np.inf]], np.float32
     )
@@ -159,10 +172,13 @@ def test_a_row_turns_pale_as_it_is_picked_and_its_fruit_goes(recording: Path) ->
 
 
 def test_a_row_picked_from_inside_turns_pale_there(layout: Layout, tmp_path: Path) -> None:
-    # 10 m from the east end, and 25 to 30 m from the west end.
+    # Of row 1, m: nothing is picked from its west end on, 10 m from its east end on, and a part
+    # inside, up to 30 m from the west end and up to 45 m from the east end: from 25 m to 30 m.
     picked = np.array([[0.0, 10.0, 30.0, 45.0], [0.0] * 4, [0.0] * 4])
     path = recording_of(tmp_path / "east.rrd", layout, [Frame(0, starts(layout), row_ends=picked)])
     (_, colours), = Rows(path, "/world/rows/row_01").values("Mesh3D:vertex_colors")  # fmt: skip
+    # The ground of a row is 35 pieces of 2 m, with 4 corners each. Pale are those whose middle lies
+    # between 25 m and 30 m, and the last 10 m.
     assert [piece for piece in range(35) if colours[4 * piece] != colours[0]] == [
         13,
         14,
@@ -205,7 +221,12 @@ def boxes_at(path: Path, entity: str) -> list[tuple[float, int]]:
 
 
 def test_a_trailer_leaves_and_comes_back(tmp_path: Path) -> None:
-    """It has a deck, and a load if bins are on it."""
+    """A trailer at the bay has a deck, and a load if bins are on it; one that is away has neither.
+
+    `expected`: tick -> a row for each of two trailers: the bins on it, the tick at which it is
+    back, and the bins with which it left. The first takes a bin at 0.5 s, leaves at 1.0 s, and is
+    back at 3.0 s.
+    """
     trailers = {"count": 2, "bins": 2}
     scenario = Scenario.model_validate({"load_out": {"seconds_away": 2.0, "trailers": trailers}})
     layout = lay_out(scenario)
@@ -220,6 +241,7 @@ def test_a_trailer_leaves_and_comes_back(tmp_path: Path) -> None:
 
 
 def test_full_bins_wait_for_the_truck(tmp_path: Path) -> None:
+    """Of the bins at the bay the full ones have another colour than the last, which is empty."""
     truck = {"every": 60.0, "bins": 2}
     scenario = Scenario.model_validate({"load_out": {"truck": truck, "empty_bins": 3}})
     layout = lay_out(scenario)
@@ -236,7 +258,10 @@ def test_full_bins_wait_for_the_truck(tmp_path: Path) -> None:
 
 @pytest.fixture
 def surveyed(tmp_path: Path) -> tuple[Layout, Path]:
-    """Return a layout of surveyed rows, and a recording of its start."""
+    """Return a layout of four unequal rows, and a recording of its start.
+
+    29 m of the first row are picked, all of it, and 10 m of the second.
+    """
     layout = lay_out(orchard_of(UNEQUAL))
     picked = np.outer([29.0, 10.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])
     return layout, recording_of(
@@ -287,8 +312,9 @@ def test_charging_lines_have_a_colour_of_their_own() -> None:
 @pytest.mark.parametrize("carriers", [2, 20])
 @pytest.mark.parametrize("route", ["one-way", "two-way"])
 def test_no_layers_flicker_where_they_overlap(route: str, carriers: int) -> None:
-    """Layers of two colours are 5 cm apart. With few carriers on two-way roads the queue lies on
-    the gravel of the driveway.
+    """Flat parts of two colours that overlap, seen from above, are 5 cm apart in height.
+
+    With few carriers on two-way roads the queue lies on the gravel of the driveway.
     """
     layout = lay_out(Scenario(rows=3, route=route, carriers=carriers))
     parts = scenery._ground(layout)
@@ -319,6 +345,7 @@ def test_a_flattened_weed_vanishes(recording: Path) -> None:
 
 
 def test_the_conversation_is_logged_and_drawn(recording: Path) -> None:
+    # The bin is full at 70.4 s, when the picker has driven 70 m and heard that; it calls at once.
     told = [(t, text[0]) for t, text in Rows(recording, "/events").values("TextLog:text")]
     assert (70.7, "bin_01 > carrier_01: come, row 1, east end") in told
     drawn = [(t, len(lines)) for t, lines in Rows(recording, "/talk").values("LineStrips3D:strips")]
@@ -351,6 +378,7 @@ def test_each_letter_is_recorded_with_its_fields(
 
 
 def test_charges_of_batteries_are_recorded_each_second(tmp_path: Path) -> None:
+    """Only changes are recorded. The first second is left out, in which all begins."""
     battery = {"hours": 0.5, "hours_to_charge": 0.2}
     scenario = Scenario(rows=3, carriers=2, carrying={"battery": battery})
     local = Local(scenario)
@@ -385,6 +413,7 @@ def test_the_legend_names_states_lasers_flags_and_queue(recording: Path) -> None
 
 
 def test_what_is_said_again_is_no_news(layout: Layout, tmp_path: Path) -> None:
+    """A call that is repeated every 2 s is a detail. After 36 s of silence it is news again."""
     call = Event(0, "call", "bin_01", "carrier_01", "")
     path = recording_of(
         tmp_path / "again.rrd",
@@ -437,6 +466,7 @@ def test_optimize_packs_without_loss(recording: Path, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [packed]
 
 
+# A program that records 20 s, and is killed.
 KILLED = """
 import os, signal, sys
 from recordings import frames

@@ -20,6 +20,8 @@ from orchard.view.reader import optimize
 from orchard.view.web import address, command, free_pair, serve_web
 
 RUN = ROOT / "run.py"
+# A program in place of Rerun's: it writes down its arguments. If it is to pack a recording, it
+# writes a file, too.
 STAND_IN = f"""#!{sys.executable}
 import json, pathlib, sys
 words = sys.argv[1:]
@@ -31,7 +33,7 @@ if "-o" in words:
 
 @pytest.fixture
 def stand_in(tmp_path, monkeypatch) -> Path:
-    """Make a program that only writes down its arguments, and a screen."""
+    """Let STAND_IN be Rerun's program, and let there be a screen. Return its file."""
     program = tmp_path / "viewer"
     program.write_text(STAND_IN)
     program.chmod(0o755)
@@ -68,6 +70,7 @@ DISK_FULL = (
 )
 
 
+# How the program ends, as Python, and why a recording is then not packed.
 NOT_PACKED = [
     (f"sys.exit({DISK_FULL!r})", "No space left on device"),
     (
@@ -143,6 +146,8 @@ def test_without_a_screen_a_browser_is_offered_at_once(stand_in, monkeypatch, tm
     assert not stand_in.with_name("words.json").exists(), "nothing was opened"
 
 
+# A path and headers that a browser asks with; the status of the answer, and from which page it may
+# be read.
 ASKED = [
     ("/a%20run.rrd", {}, (200, None)),
     ("/a%20run.rrd", {"Origin": "http://127.0.0.1:9"}, (200, "http://127.0.0.1:9")),
@@ -172,7 +177,9 @@ def test_a_recording_is_read_on_this_machine_only(stand_in, tmp_path, path, head
 
 
 def test_a_recording_is_served_over_ssh_too(stand_in, monkeypatch, tmp_path):
-    """A server that fails is named."""
+    """On a machine without a screen that is reached by ssh, the command to forward the ports is
+    told. A server that fails is named.
+    """
     monkeypatch.setenv("SSH_CONNECTION", "192.0.2.1 50000 192.0.2.2 22")
     monkeypatch.delenv("DISPLAY")
     port = free_pair()

@@ -62,6 +62,7 @@ def folder(tmp_path_factory) -> Path:
 
 
 def words(folder: Path, store: str) -> tuple:
+    """Return the words of the command for QUESTION, with a store of this name."""
     return "study", folder / "my.yaml", *QUESTION, "--out", folder / store
 
 
@@ -100,6 +101,7 @@ def known(store: Path) -> int:
 
 
 def wait_for_runs(store: Path) -> None:
+    """Wait until a store has three runs."""
     end = time.monotonic() + PATIENCE
     while known(store) < 3:
         assert time.monotonic() < end, "no run was kept"

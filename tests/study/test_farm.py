@@ -27,6 +27,7 @@ from orchard.study.farm_command import answer
 from orchard.study.farm_file import is_farm, read_farm
 from orchard.study.options import StudyOptions
 
+# Two blocks, the file of a farm of both, and a line with a fleet.
 TOP = """\
 rows: 3
 picking_speed: 0.5
@@ -46,7 +47,7 @@ FLEET = "carriers: 2\n"
 
 @pytest.fixture
 def farm(tmp_path) -> Path:
-    """The file of a farm with two blocks."""
+    """Return the file of a farm with two blocks."""
     (tmp_path / "top.yaml").write_text(TOP)
     (tmp_path / "low.yaml").write_text(LOW)
     path = tmp_path / "farm.yaml"
@@ -75,9 +76,10 @@ def test_a_sum_has_the_sum_of_means_and_variances(samples):
     if variance == 0.0:
         assert total.low == total.high == total.mean
         return
-    freedom = variance**2 / sum(
-        own**2 / (len(sample) - 1) for own, sample in zip(variances, samples, strict=True)
-    )
+    parts_of_freedom = 0.0
+    for own, sample in zip(variances, samples, strict=True):
+        parts_of_freedom += own**2 / (len(sample) - 1)
+    freedom = variance**2 / parts_of_freedom
     half = stats.t.ppf(0.975, freedom) * math.sqrt(variance)
     assert total.high - total.mean == pytest.approx(half, rel=1e-6)
 

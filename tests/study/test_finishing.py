@@ -6,6 +6,7 @@ never longer than a harvest, tell of most fleets that they are late, without a r
 """
 
 from dataclasses import replace
+from math import inf
 from typing import Any
 
 import pytest
@@ -24,15 +25,22 @@ from orchard.study.study import study
 
 HOUR = 3600.0
 PRICES = {"picker_per_hour": 20.0, "carrier_per_hour": 10.0}
+# A day of two hours.
 SHIFT = {"begin": "07:00", "end": "09:00"}
-# Nothing in it is random: people and animals, weeds and tractor are left out.
+# Six rows of a bin each. A picker fills 4 bins an hour. Nothing in it is random: people and
+# animals, weeds and tractor are left out.
 SMALL = empty_orchard(rows=6, row_length=40.0, picking_rate=4.0, bins_per_row=1.0, prices=PRICES)
+# The same with rows that take unlike times, which a seed draws.
 CHANCE = with_changes(SMALL, picking={"spread": {"distribution": "lognormal", "cv": 0.3}})
 OPTIONS = StudyOptions(horizon="harvest", model="fast", workers=1, budget_seconds=1000.0)
+# Both numbers are open: the study finds them.
 BOTH: dict[str, list[int]] = {"pickers": [], "carriers": []}
+# Until when a run may take on the clock, s: it never gives up.
+NO_DEADLINE = inf
 
 
 def within(hours: float) -> Deadline:
+    """Return a deadline after so many hours of work."""
     return Deadline(within_seconds=hours * HOUR)
 
 
@@ -56,12 +64,17 @@ def test_how_many_harvests_are_in_time_at_least() -> None:
     assert least_share(0, 20, 0.95) == 0.0
 
 
+# Two trailers of two bins that are away for 600 s; a truck that takes two bins every 600 s.
 AWAY = {"seconds_away": 600.0, "trailers": {"count": 2, "bins": 2}}
 TRUCK = {"truck": {"every": 600.0, "bins": 2}, "empty_bins": 2}
 BATTERY = {"battery": {"hours": 2.0}}
 
 
 def test_each_part_of_a_limit_has_a_remedy() -> None:
+    """`parts` are the s that each part of an orchard needs at least, such as pickers or the bay.
+
+    REMEDIES has for each what a user could have more of.
+    """
     parts: set[str] = set()
     for values in ({"carrying": BATTERY}, {"load_out": AWAY}, {"load_out": TRUCK}):
         parts |= Crew(with_changes(SMALL, **values), 2).parts.keys()
@@ -77,9 +90,11 @@ def test_a_truck_is_waited_for_once_empty_bins_are_out(empty_bins: int, seconds:
 
 
 def test_trailers_hold_up_only_the_bins_beyond_the_empty_ones() -> None:
+    """With six empty bins at the bay no bin of the six waits for a trailer."""
     stocked = Crew(with_changes(SMALL, load_out=AWAY | {"empty_bins": 6}), 2)
     assert stocked.parts["trailers"] == 0.0
-    # Four bins in 600 s away and 10 s in which two are put on it.
+    # The two trailers take four bins in 610 s: 600 s away, and 10 s in which two bins are put on
+    # one.
     assert Crew(with_changes(SMALL, load_out=AWAY), 2).parts["trailers"] == 6 * 610.0 / 4
 
 
@@ -96,7 +111,7 @@ def test_the_answer_is_the_cheapest_fleet_in_time(tmp_path) -> None:
     for pickers in range(2, 7):
         for carriers in range(1, 4):
             scenario = with_changes(SMALL, pickers=pickers, carriers=carriers)
-            record = PlannedRun(scenario, "fast").do(1e12)
+            record = PlannedRun(scenario, "fast").do(NO_DEADLINE)
             assert record is not None
             if record.sim_seconds <= 0.6 * HOUR:
                 hours = record.sim_seconds / HOUR
@@ -161,7 +176,7 @@ def test_a_deadline_that_no_limit_meets_names_the_limit() -> None:
 def test_a_limit_is_not_longer_than_the_harvest() -> None:
     fleets = Fleets(SMALL, within(100.0), [2, 3, 6], [1, 2])
     for fleet in fleets.fleets:
-        record = PlannedRun(fleet.setting.scenario, "fast").do(1e12)
+        record = PlannedRun(fleet.setting.scenario, "fast").do(NO_DEADLINE)
         assert record is not None
         assert fleet.limit_seconds <= record.sim_seconds
         cost = fleet.setting.cost_per_bin(record.bins_per_hour, record.bins)
@@ -175,7 +190,7 @@ def test_a_limit_of_a_seed_is_not_longer_than_its_harvest(number) -> None:
     for fleet in fleets.fleets:
         crew = fleets.crew(fleet.pickers)
         seed = CHANCE.seed + number
-        record = PlannedRun.of(fleet.setting.scenario, seed, "fast", "harvest").do(1e12)
+        record = PlannedRun.of(fleet.setting.scenario, seed, "fast", "harvest").do(NO_DEADLINE)
         assert record is not None
         assert crew.limit_of_seed(fleet.carriers, seed) <= record.sim_seconds
 

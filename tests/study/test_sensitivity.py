@@ -40,7 +40,9 @@ bins_per_row: 6
 picking: {spread: {distribution: lognormal, cv: 0.28}}
 handling: {unloading: 40}
 """
-A, B = Factor(key="carrying.speed", low=0.8, high=1.2), Factor(key="bay", low=0.0, high=8.0)
+# Two values that are moved, each between two ends: m/s, and m.
+A = Factor(key="carrying.speed", low=0.8, high=1.2)
+B = Factor(key="bay", low=0.0, high=8.0)
 
 
 def ranges(*words: str, scenario: Scenario | None = None) -> dict[str, tuple[float, float]]:

@@ -11,6 +11,7 @@ QUIET: dict[str, Any] = {
     "weeds": 0,
 }
 
+# An orchard in which only the times of rows are drawn by the seed.
 CHANCE = Scenario(rows=3, picking_speed=0.5, picking={"spread": {"distribution": "gamma"}}, **QUIET)
 
 # So much budget that each study decides.

@@ -31,6 +31,7 @@ from orchard.study.study_command import LOST
 from orchard.study.workers import Workers, processes
 from orchard.terminal.output import console
 
+# Options that choose two small orchards, and a policy of tests/support/own_policies.py.
 SMALL = ("--orchard", "small-fast-test", "--orchard", "small-slow-test", "--workers", "1")
 POLICY = "own_policies.FarthestOfMine"
 
@@ -150,6 +151,7 @@ def test_what_a_user_gets_wrong_is_said_in_words(store, words, code, said):
     assert "Traceback" not in done.stderr
 
 
+# Options of the command that name no file and no split.
 NO_FILES = dict.fromkeys(("summary", "submission", "verify", "secret", "split", "beside"))
 RESULT = BenchmarkResult(
     policy="nearest",
@@ -216,13 +218,22 @@ def test_a_carrier_that_failed_beside_its_line_leaves_it():
 
 
 def test_a_submission_is_verified_without_its_policy(store, tmp_path):
-    """It has the decisions. So nobody needs the policy, and nobody can change a figure."""
+    """It has the decisions, which are replayed. So a reader needs no policy, and each figure that
+    was changed is found.
+    """
     file = tmp_path / "mine.json"
-    small = ("--orchard", "tiny-test", "--orchard", "small-fast-test")
+    names = ("tiny-test", "small-fast-test")
+    small = ("--orchard", names[0], "--orchard", names[1])
     rest = ("--workers", "1", "--out", store)
+
+    def refusal_of(forged: dict, code: int = 1) -> str:
+        """Return what the command says of a submission with this content."""
+        file.write_text(json.dumps(forged))
+        return orchard("benchmark", "--verify", file, *small, *rest, code=code).stderr
+
     done = orchard("benchmark", POLICY, *small, *rest, "--submission", file)
     written = json.loads(file.read_text())
-    assert {harvest["instance"] for harvest in written["harvests"]} == {*small[1::2]}
+    assert {harvest["instance"] for harvest in written["harvests"]} == {*names}
     score = f"{100.0 * written['score']:.1f}"
     assert f"{POLICY} has {score} % of what is proven possible" in done.stdout
     verified = orchard("benchmark", "--verify", file, *small, *rest)
@@ -252,24 +263,17 @@ def test_a_submission_is_verified_without_its_policy(store, tmp_path):
     }
     for said, change in faults.items():
         forged = written | {"harvests": [first | change, *written["harvests"][1:]]}
-        file.write_text(json.dumps(forged | {"policy": "better.Policy"}))
-        refused = orchard("benchmark", "--verify", file, *small, *rest, code=1)
-        assert said in refused.stderr
-    file.write_text(json.dumps(written | {"scores": written["scores"] | {"tiny-test": 1.0}}))
-    refused = orchard("benchmark", "--verify", file, *small, *rest, code=1)
-    assert "the score of tiny-test is not that of its harvests" in refused.stderr
-    file.write_text(json.dumps(written | {"scores": {}}))
-    refused = orchard("benchmark", "--verify", file, *small, *rest, code=1)
-    assert "the score of tiny-test is missing" in refused.stderr
-    file.write_text(json.dumps(written | {"splits": ["hidden"]}))
-    refused = orchard("benchmark", "--verify", file, *small, *rest, code=1)
-    assert "it is of the splits ['hidden']; expected ['test']" in refused.stderr
-    file.write_text(json.dumps(written | {"harvests": [first | {"instance": "\x1b[2J"}]}))
-    refused = orchard("benchmark", "--verify", file, *small, *rest, code=1)
-    assert "?[2J, seed" in refused.stderr
-    file.write_text(json.dumps(written | {"found_by": "nobody"}))
-    refused = orchard("benchmark", "--verify", file, *small, *rest, code=2)
-    assert "unknown field `found_by`" in refused.stderr
+        assert said in refusal_of(forged | {"policy": "better.Policy"})
+    better_score = written | {"scores": written["scores"] | {"tiny-test": 1.0}}
+    assert "the score of tiny-test is not that of its harvests" in refusal_of(better_score)
+    assert "the score of tiny-test is missing" in refusal_of(written | {"scores": {}})
+    of_hidden = written | {"splits": ["hidden"]}
+    assert "it is of the splits ['hidden']; expected ['test']" in refusal_of(of_hidden)
+    # A name that would control the terminal is shown with a question mark.
+    controlling = written | {"harvests": [first | {"instance": "\x1b[2J"}]}
+    assert "?[2J, seed" in refusal_of(controlling)
+    unknown = written | {"found_by": "nobody"}
+    assert "unknown field `found_by`" in refusal_of(unknown, code=2)
     file.write_text(json.dumps(written))
     missing = orchard("benchmark", "--verify", file, *small, "--orchard", "tiny-train", code=1)
     assert re.search(r"tiny-train, seed \d+: this harvest is missing", missing.stderr)

@@ -12,7 +12,9 @@ QUIET: dict[str, Any] = {
 }
 
 # An orchard in which only the times of rows are drawn by the seed.
-CHANCE = Scenario(rows=3, picking_speed=0.5, picking={"spread": {"distribution": "gamma"}}, **QUIET)
+CHANCE = Scenario.model_validate(
+    QUIET | {"rows": 3, "picking_speed": 0.5, "picking": {"spread": {"distribution": "gamma"}}}
+)
 
 # So much budget that each study decides.
 AMPLE = StudyOptions(

@@ -68,11 +68,16 @@ UNITS = frozenset(
 )
 # Comments for tools, which are not for readers.
 DIRECTIVES = ("noqa", "type:", "fmt:", "mypy:", "pragma:")
-MOST_POSITIONAL = 5  # values without names in a call
-LONGEST_LAMBDA = 40  # characters
-LONGEST_TEST_NAME = 60  # characters
-MOST_DOTS = 3  # in a chain of names
-LONGEST_COORDINATE = 2  # characters of names such as x, y, dx
+# Values without names in a call.
+MOST_POSITIONAL = 5
+# Characters.
+LONGEST_LAMBDA = 40
+# Characters.
+LONGEST_TEST_NAME = 60
+# In a chain of names.
+MOST_DOTS = 3
+# Characters of names such as x, y, dx.
+LONGEST_COORDINATE = 2
 # A rate may have last bits beyond its limit.
 ROUNDING = 1e-9
 

@@ -51,7 +51,8 @@ def swept(shape: np.ndarray, x: float, y: float, start: float, turn: float) -> n
     angles = start + np.linspace(0.0, turn, 181)
     cosines = np.cos(angles)[:, None]
     sines = np.sin(angles)[:, None]
-    ahead, aside = shape[:, 0], shape[:, 1]
+    ahead = shape[:, 0]
+    aside = shape[:, 1]
     swept_x = x + cosines * ahead - sines * aside
     swept_y = y + sines * ahead + cosines * aside
     return np.stack([swept_x, swept_y], axis=-1).reshape(-1, 2)

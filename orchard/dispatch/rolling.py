@@ -1,14 +1,14 @@
 """The dispatch policy `rolling`: before it sends a carrier, it does the next jobs of all pickers in
 advance, for each bin to choose from.
 
-Terms: a "plan" is such a computation (`RollOut` of rollout.py): which carrier gets which bin, and
-how long it takes. The "course" of a job is what its picker and its carrier do, tick by tick
+Terms: a "plan" is here such a computation (`RollOut` of rollout.py): which carrier gets which bin,
+and how long it takes. The "course" of a job is what its picker and its carrier do, tick by tick
 (`JobCourse`). Bins of a picker are numbered from 0, in the order in which it fills them. A plan
 takes as long as it takes until all planned bins are home: in the queue, after the bay.
 
-It knows the orchard, the plans of robots, and what bins and carriers report. Where no choice gains
-enough it decides as `predictive`. So it does on a route of the user's own, with many pickers, and
-in the long run, in which pickers pick their rows again: there it gained 0.2 %.
+It knows the orchard, the steps that robots will do, and what bins and carriers report. Where no
+choice gains enough it decides as `predictive`. So it does on a route of the user's own, with many
+pickers, and in the long run, in which pickers pick their rows again: there it gained 0.2 %.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Batteries: what carriers use of them, and who gets a charger.
+"""Batteries: what carriers use of them, and which carrier gets a charger.
 
 `orchard.sim.batteries` has the rules. A carrier whose battery is low after its job charges in a
 charging line. A free charger goes to the one that stands there nearest to a head.
@@ -79,8 +79,8 @@ def note_rest(m, robot):
 def end_job(m, carrier, away):
     """Note what the job of a carrier took that has turned into its line of the queue.
 
-    A job counts from the queue's exit to the queue's exit, as if nobody stood in that line. `away`:
-    ticks for which the carrier is away at the load-out from now on.
+    A job counts from the queue's exit to the queue's exit, as if no robot stood in that line.
+    `away`: ticks for which the carrier is away at the load-out from now on.
     """
     me = m.robots[carrier]
     if me.exchange == c.NONE:

@@ -80,7 +80,7 @@ def depart(m, robot):
 
 @inner
 def stand_for(m, robot):
-    """Stand for somebody who is in the way."""
+    """Stand for a person or an animal that is in the way."""
     me = m.robots[robot]
     see_standing(m, robot)
     me.state = c.MEETING
@@ -181,7 +181,7 @@ def leave_queue(m, robot):
 
 @inner
 def meet(m, robot):
-    """Stand for somebody, unless the robot is in the bay. Return whether the drive is done."""
+    """Stand for a person or an animal, unless in the bay. Return whether the drive is done."""
     if not is_in_bay(m, robot):
         stand_for(m, robot)
         return False
@@ -234,7 +234,7 @@ def halt(m, robot, ahead, free_to):
     me = m.robots[robot]
     me.stood = tick_of(m)
     if me.bin != c.NONE and me.leg_ended == me.stood:
-        # Its bin runs on for a tick, and who stands behind that drives a step.
+        # Its bin runs on for a tick, and a robot that stands behind the bin drives a step.
         tell_followers(m, robot, m.desk[0].now + c.QUARTERS * NOTICED)
     is_held_up = ahead != c.NONE and free_to <= me.here + NEAR
     if me.stop - me.here <= NEAR or (is_held_up and is_in_bay(m, robot)):

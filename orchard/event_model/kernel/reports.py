@@ -66,7 +66,7 @@ def see_row(m, picker):
 
 @inner
 def begin_call(m, picker, name, end):
-    """Know a picker's next bin, of which nobody else knows yet.
+    """Know a picker's next bin, of which no other robot knows yet.
 
     `name`: the bin. `end`: the lane's end at which it is left.
     """

@@ -87,7 +87,7 @@ def _kernels_in(folder: Path) -> list[Path]:
 
 
 def _remove(folder: Path) -> None:
-    """Remove a folder of kernels. What somebody adds meanwhile stays, and so does its folder."""
+    """Remove a folder of kernels. A file that is added meanwhile stays, and so does the folder."""
     for path in (*_kernels_in(folder), folder / MARK):
         path.unlink(missing_ok=True)
     folder.rmdir()

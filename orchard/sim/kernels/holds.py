@@ -35,7 +35,7 @@ def end_holds(
             is_freer = is_left_freer(ranges, first, end, freer_within[i])
             if is_freer != was_left_freer[i]:
                 until[i] = 0
-        # A hold that has ended above may end again: that costs less than more branches.
+        # A hold may end for two reasons: to set 0 again does no harm.
         if _is_zone_other(ranges, first, end, watched[i], was_occupied[i], spans):
             until[i] = 0
         if _is_zone_disturbed(ranges, before, first, end, still[i], spans):

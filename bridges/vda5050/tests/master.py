@@ -1,27 +1,62 @@
-"""A fleet control, written from the standard alone: it knows a LIF map, the messages of VDA 5050,
-and the list of full bins that wait.
+"""A fleet control, written from the standard alone.
 
-It imports nothing of the Orchard and nothing of the bridge. `send` takes a vehicle, a topic and a
-message; messages come by `hear`.
+It knows a map in the Layout Interchange Format (LIF) of the VDMA, the messages of VDA 5050, and
+the list of full bins that wait. It imports nothing of the Orchard and nothing of the bridge.
+
+The words of the standard:
+
+- An order is a way: a list of nodes with the edges between them, and actions at some of both.
+- Its base is the part that is released: the vehicle may drive it. The rest is its horizon.
+- An update of an order begins at the last node of the base and releases more.
+- Nodes and edges of an order are numbered alternately by `sequenceId`: node number n of the way
+  has 2 n, the edge after it 2 n + 1.
 """
 
 import heapq
 from itertools import count, pairwise
 
-RELEASED = 4  # nodes of the base that it releases at once
+RELEASED = 4  # nodes that it releases at once
 AGAIN = 5  # states without an answer to an order, after which it sends the order again
+# What each message begins with, but for its number and the vehicle.
 HEADER = {"timestamp": "2026-01-01T00:00:00.000Z", "version": "3.0.0", "manufacturer": "orchard"}
 
 
 def is_picker(serial):
+    """Whether a vehicle is a picker, by its serial number; else it is a carrier."""
     return serial.startswith("picker")
 
 
 def row_of(node):
+    """The row of a node of the pickers' map, such as `west/out/3`."""
     return int(node.rsplit("/", 1)[1])
 
 
 class Master:
+    """The fleet control.
+
+    A vehicle is named by its serial number. A job is a dict with what a vehicle has to do:
+
+    - `load`: the bin that it fetches; empty if it fetches none.
+    - `order`, `update`: the ids of its order. The order is None while it is being cancelled.
+    - `names`: the nodes of its way, from first to last.
+    - `actions`: for a node, or for a pair of nodes with an edge between them, what is done there:
+      the kind of the action, and the bin or None.
+    - `base`: the number, among `names`, of the last node that is released.
+    - `sent`: the order or update as it was sent last.
+    - `silent`: how many states came since then that did not answer it.
+    - `call`: the waiting bin that it serves, if any.
+
+    Parameters
+    ----------
+    lif
+        The map.
+    send
+        A function that takes a vehicle, a topic and a message, and sends it.
+    released
+        How many nodes it releases at once.
+
+    """
+
     def __init__(self, lif, send, released=RELEASED):
         (layout,) = lif["layouts"]
         self.map = {node["nodeId"]: node for node in layout["nodes"]}
@@ -36,7 +71,7 @@ class Master:
             self.onward[start].append(end)
         # Topic -> vehicle -> its newest message.
         self.newest = {}
-        # Vehicle -> what it has to do.
+        # Vehicle -> its job.
         self.jobs = {}
         # The full bins that wait.
         self.calls = []
@@ -48,43 +83,44 @@ class Master:
         self.picked = set()
         self.send = send
         self.released = released
+        # Numbers for messages, orders and actions: none comes twice.
         self.headers = count()
+        # The loads of the orders that were done.
         self.finished = []
 
     def hear(self, serial, topic, message):
-        """A message of a vehicle."""
+        """Take a message of a vehicle, and go on with its job."""
         self.newest.setdefault(topic, {})[serial] = message
         if topic == "connection" and message["connectionState"] != "ONLINE":
             self.jobs.pop(serial, None)
         if topic == "state":
-            self.homes.setdefault(serial, "/".join(message["lastNodeId"].split("/")[:2]))
+            line = "/".join(message["lastNodeId"].split("/")[:2])
+            self.homes.setdefault(serial, line)
             if is_picker(serial) and serial not in self.rows.values():
                 self.rows[row_of(message["lastNodeId"])] = serial
             self.follow(serial, message)
 
     @property
     def states(self):
+        """The newest state of each vehicle that has sent one."""
         return self.newest.get("state", {})
 
     def hear_calls(self, calls):
+        """Take the list of the full bins that wait: each has a `loadId` and a `station`."""
         self.calls = calls
 
     # -- jobs
 
     def assign(self):
-        """Send a free vehicle, the nearest one, to each full bin that waits, and each free picker
-        on.
-        """
+        """Send each free picker on, and the nearest free carrier to each full bin that waits."""
         for serial in filter(is_picker, self.states):
             if self.is_free(serial):
                 self.send_on(serial)
         served = {job["load"] for job in self.jobs.values()}
         waiting = [call for call in self.calls if call["loadId"] not in served]
-        free = (
-            {serial for serial in self.states if self.is_free(serial) and not is_picker(serial)}
-            if waiting
-            else set()
-        )
+        if not waiting:
+            return
+        free = {serial for serial in self.states if self.is_free(serial) and not is_picker(serial)}
         for call in waiting[: len(free)]:
             stop, _ = self.stations[call["station"]]
             ways = {serial: self.way(self.states[serial]["lastNodeId"], stop) for serial in free}
@@ -93,6 +129,7 @@ class Master:
             free.remove(nearest)
 
     def is_free(self, serial):
+        """Whether a vehicle can be given a job now."""
         state = self.states[serial]
         statuses = {action["actionStatus"] for action in state["actionStates"]}
         is_idle = not state["nodeStates"] and statuses <= {"FINISHED", "FAILED"}
@@ -111,6 +148,10 @@ class Master:
         last = state["lastNodeId"]
         loads = state["loads"]
         row = row_of(last)
+        # A node of the pickers' map is SIDE/SPOT/ROW. The spots at an end of a row: at `out` a
+        # picker stands that has come through the row, at `wait` it waits for its empty bin, at
+        # `aside` it holds up no carrier, and at `park` it stays when it has finished. Its first
+        # row it begins at `in`.
         side, spot, _ = last.split("/")
         other_side = "west" if side == "east" else "east"
         has_next = f"row/{row + 1}" in self.stations and self.rows.get(row + 1, serial) == serial
@@ -136,7 +177,13 @@ class Master:
             self.drive(serial, "", [*through], {through: ("harvest", None)})
 
     def begin(self, serial, call):
-        load, (stop, bin_node) = call["loadId"], self.stations[call["station"]]
+        """Order a carrier to exchange its empty bin for a full one that waits, and to unload it.
+
+        It hands over its empty bin at the station's stop, beside the picker, couples the full one
+        at the station's second node, unloads it in the bay, and goes back to its queue.
+        """
+        load = call["loadId"]
+        stop, bin_node = self.stations[call["station"]]
         start = self.states[serial]["lastNodeId"]
         ways = [
             self.way(start, stop),
@@ -144,11 +191,15 @@ class Master:
             self.way(bin_node, "bay"),
             self.way("bay", self.homes[serial]),
         ]
+        names = [start]
+        for way in ways:
+            names += way[1:]
         actions = {stop: ("handOver", load), bin_node: ("pick", load), "bay": ("unload", None)}
-        self.drive(serial, load, [start, *(name for way in ways for name in way[1:])], actions)
+        self.drive(serial, load, names, actions)
         self.jobs[serial]["call"] = call
 
     def drive(self, serial, load, names, actions):
+        """Give a vehicle a job (the parameters are named as its parts) and send its first order."""
         order = f"{load} {next(self.headers)}"
         self.jobs[serial] = {
             "load": load,
@@ -161,32 +212,21 @@ class Master:
         self.order(serial, first=0)
 
     def order(self, serial, first):
-        """Send an order or an update: from node number `first` to the end, with the base up to what
-        is released.
-        """
+        """Send an order or an update: the nodes and edges from node number `first` to the end."""
         job = self.jobs[serial]
         nodes = [self.node(job, number) for number in range(first, len(job["names"]))]
-        edges = [
-            {
-                "edgeId": self.edges[job["names"][number], job["names"][number + 1]],
-                "sequenceId": 2 * number + 1,
-                "released": number + 1 <= job["base"],
-                "actions": self.actions(job, (job["names"][number], job["names"][number + 1])),
-            }
-            for number in range(first, len(job["names"]) - 1)
-        ]
-        job |= {
-            "silent": 0,
-            "sent": {
-                "orderId": job["order"],
-                "orderUpdateId": job["update"],
-                "nodes": nodes,
-                "edges": edges,
-            },
+        edges = [self.edge(job, number) for number in range(first, len(job["names"]) - 1)]
+        job["silent"] = 0
+        job["sent"] = {
+            "orderId": job["order"],
+            "orderUpdateId": job["update"],
+            "nodes": nodes,
+            "edges": edges,
         }
         self.publish(serial, "order", job["sent"])
 
     def node(self, job, number):
+        """Node number `number` of a job's way, as the standard writes it."""
         name = job["names"][number]
         at = self.map[name]["nodePosition"] | {"mapId": self.map[name]["mapId"]}
         return {
@@ -197,18 +237,30 @@ class Master:
             "actions": self.actions(job, name),
         }
 
+    def edge(self, job, number):
+        """The edge after node number `number` of a job's way, as the standard writes it."""
+        ends = (job["names"][number], job["names"][number + 1])
+        return {
+            "edgeId": self.edges[ends],
+            "sequenceId": 2 * number + 1,
+            "released": number + 1 <= job["base"],
+            "actions": self.actions(job, ends),
+        }
+
     def actions(self, job, place):
-        """The actions of a job at a node, or on the edge between two."""
-        kind, load = job["actions"].get(place, ("", None))
+        """The actions of a job at a node, or on the edge between two: one or none."""
+        if place not in job["actions"]:
+            return []
+        kind, load = job["actions"][place]
         parameters = [{"key": "loadId", "value": load}] if load else []
-        blocking = "NONE" if kind == "harvest" else "HARD"
         action = {
             "actionType": kind,
             "actionId": f"{job['order']} {kind}",
-            "blockingType": blocking,
+            # A picker drives while it picks; all else is done while the vehicle stands.
+            "blockingType": "NONE" if kind == "harvest" else "HARD",
             "actionParameters": parameters,
         }
-        return [action] if kind else []
+        return [action]
 
     def send_again(self, serial, job, errors):
         """Repeat an order that the vehicle has not taken; forget it if the vehicle is elsewhere."""
@@ -222,16 +274,14 @@ class Master:
             self.publish(serial, "order", job["sent"])
 
     def follow(self, serial, state):
-        """Release more of a job where the base runs short. Forget it at its end."""
+        """Release more of a job where the base runs short. Forget it at its end.
+
+        A job of which an action has failed is cancelled, and the carrier is sent home.
+        """
         if state["operatingMode"] != "AUTOMATIC":
             self.jobs.pop(serial, None)  # the vehicle has given it up
         job = self.jobs.get(serial)
-        if (
-            job
-            and job["order"] is None
-            and not state["nodeStates"]
-            and state["instantActionStates"][-1]["actionStatus"] == "FINISHED"
-        ):
+        if job and job["order"] is None and is_cancelled(state):
             self.jobs.pop(serial)
             if not is_picker(serial):
                 self.drive(serial, "", self.way(state["lastNodeId"], self.homes[serial]), {})
@@ -242,56 +292,61 @@ class Master:
             self.send_again(serial, job, state["errors"])
             return
         if any(error["errorType"] == "ACTION_FAILED" for error in state["errors"]):
-            self.jobs[serial] |= {"order": None}
+            job["order"] = None
             self.instant(serial, "cancelOrder", orderId=state["orderId"])
         elif state["newBaseRequest"]:
-            last, job["base"], job["update"] = (
-                job["base"],
-                job["base"] + self.released,
-                job["update"] + 1,
-            )
+            last = job["base"]
+            job["base"] += self.released
+            job["update"] += 1
             self.order(serial, first=last)
         elif not state["nodeStates"] and all(
-            one["actionStatus"] == "FINISHED" for one in state["actionStates"]
+            action["actionStatus"] == "FINISHED" for action in state["actionStates"]
         ):
             self.finished.append(self.jobs.pop(serial)["load"])
 
     def instant(self, serial, kind, **parameters):
-        """Send an instant action; return its id."""
-        given = [{"key": key, "value": value} for key, value in parameters.items()]
+        """Send an instant action, which a vehicle does at once beside its order. Return its id."""
+        key_values = [{"key": key, "value": value} for key, value in parameters.items()]
         action = {
             "actionType": kind,
             "actionId": f"{kind} {next(self.headers)}",
             "blockingType": "NONE",
-            "actionParameters": given,
+            "actionParameters": key_values,
         }
         self.publish(serial, "instantActions", {"actions": [action]})
         return action["actionId"]
 
     def publish(self, serial, topic, message):
-        self.send(
-            serial,
-            topic,
-            {"headerId": next(self.headers), **HEADER, "serialNumber": serial} | message,
-        )
+        """Send a message after a header is added to it, in which it may overwrite fields."""
+        header = {"headerId": next(self.headers), **HEADER, "serialNumber": serial}
+        self.send(serial, topic, header | message)
 
     # -- ways
 
     def way(self, start, end):
-        """The nodes of the shortest way, both ends among them."""
-        queue, known = [(0.0, [start])], set()
+        """The nodes of the shortest way, both ends among them (Dijkstra's search)."""
+        queue = [(0.0, [start])]
+        known = set()
         while queue:
             length, names = heapq.heappop(queue)
-            if names[-1] == end:
+            last = names[-1]
+            if last == end:
                 return names
-            if names[-1] not in known:
-                known.add(names[-1])
-                for onward in self.onward[names[-1]]:
-                    heapq.heappush(
-                        queue, (length + self.length([names[-1], onward]), [*names, onward])
-                    )
+            if last in known:
+                continue
+            known.add(last)
+            for onward in self.onward[last]:
+                longer = length + self.length([last, onward])
+                heapq.heappush(queue, (longer, [*names, onward]))
         raise ValueError(f"no way from {start} to {end}")
 
     def length(self, names):
+        """The length of a way in m. Each edge runs east and west or north and south."""
         places = [self.map[name]["nodePosition"] for name in names]
         return sum(abs(a["x"] - b["x"]) + abs(a["y"] - b["y"]) for a, b in pairwise(places))
+
+
+def is_cancelled(state):
+    """Whether the vehicle that sent this state has done the last instant action, a cancelling."""
+    last_action = state["instantActionStates"][-1]
+    return not state["nodeStates"] and last_action["actionStatus"] == "FINISHED"

@@ -1,7 +1,4 @@
-"""A broker, an orchard, a bridge and a fleet control: processes on this machine.
-
-The fleet control is this one.
-"""
+"""A broker, an orchard and a bridge as processes of this machine, and a fleet control."""
 
 import json
 import os
@@ -20,10 +17,12 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 FOLDER = Path(__file__).parents[1]
 BEGIN_SECONDS = 120.0  # the first start of an orchard on a machine compiles
+# The broker of MQTT. Debian puts it where only root looks.
 MOSQUITTO = shutil.which("mosquitto", path=f"{os.environ['PATH']}:/usr/sbin")
 
 
 def free_port():
+    """A port of this machine that is free now."""
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         return taken.getsockname()[1]
@@ -47,46 +46,51 @@ def started(words, log):
 
 
 def answers(port):
+    """Whether something listens at a port of this machine."""
     with socket.socket() as caller:
         return caller.connect_ex(("127.0.0.1", port)) == 0
 
 
 @contextmanager
 def broker(folder, port, lets_in="true"):
-    """A mosquitto on loopback, which answers. `lets_in`: whether it asks for no password."""
+    """A broker on loopback that answers. `lets_in`: "false" makes it refuse all clients."""
     assert MOSQUITTO, "mosquitto is missing: apt-get install mosquitto"
-    (folder / "mosquitto.conf").write_text(
-        f"listener {port} 127.0.0.1\nallow_anonymous {lets_in}\n"
-    )
-    with started(
-        [MOSQUITTO, "-c", str(folder / "mosquitto.conf")], folder / "broker.log"
-    ) as process:
+    config = folder / "mosquitto.conf"
+    config.write_text(f"listener {port} 127.0.0.1\nallow_anonymous {lets_in}\n")
+    log = folder / "broker.log"
+    with started([MOSQUITTO, "-c", str(config)], log) as process:
         end = time.monotonic() + 20.0
         while not answers(port):
-            assert time.monotonic() < end and process.poll() is None, (
-                folder / "broker.log"
-            ).read_text()
+            assert time.monotonic() < end and process.poll() is None, log.read_text()
             time.sleep(0.02)
         yield process
 
 
 class Control(Master):
-    """The fleet control, on its MQTT client: it acts on what arrives in the client's thread."""
+    """The fleet control with a client of MQTT.
+
+    It acts in the client's thread, on each message that arrives.
+    """
 
     def __init__(self, lif, port):
         super().__init__(lif, self.publish_to)
-        self.heard, self.is_active = [], True
+        # All messages of vehicles so far: the vehicle, the topic and the message.
+        self.heard = []
+        # Whether it orders anything.
+        self.is_active = True
         self.client = Client(CallbackAPIVersion.VERSION2, client_id="control")
         self.client.reconnect_delay_set(1, 1)
-        self.client.on_connect = lambda client, *_: [
-            client.subscribe(topic) for topic in ("vda5050/v3/orchard/#", "vda5050/calls")
-        ]
+        self.client.on_connect = self.connected
         self.client.on_message = self.arrived
         self.client.connect("127.0.0.1", port, 5)
         self.client.loop_start()
 
     def publish_to(self, serial, topic, message):
         self.client.publish(f"vda5050/v3/orchard/{serial}/{topic}", json.dumps(message))
+
+    def connected(self, client, *_):
+        for topic in ("vda5050/v3/orchard/#", "vda5050/calls"):
+            client.subscribe(topic)
 
     def arrived(self, _client, _data, message):
         *_, serial, topic = message.topic.split("/")
@@ -110,12 +114,13 @@ class Control(Master):
     def until(self, condition, seconds=30.0):
         """Wait until a condition is true; return what it is."""
         end = time.monotonic() + seconds
-        while not (found := condition()):
+        while not (value := condition()):
             assert time.monotonic() < end, f"not within {seconds} s: {self.newest}"
             time.sleep(0.01)
-        return found
+        return value
 
     def connection(self, serial):
+        """The state of a vehicle's connection, such as ONLINE; None before one is heard."""
         return self.newest.get("connection", {}).get(serial, {}).get("connectionState")
 
 
@@ -123,9 +128,13 @@ class Scene:
     """An orchard, and a bridge to it."""
 
     def __init__(self, folder, endpoint, orchard, bridge):
-        self.folder, self.endpoint, self.orchard, self.bridge = folder, endpoint, orchard, bridge
+        self.folder = folder
+        self.endpoint = endpoint
+        self.orchard = orchard
+        self.bridge = bridge
 
-    def told(self):
+    def bridge_log(self):
+        """All that the bridge has said."""
         return (self.folder / "bridge.log").read_text()
 
 
@@ -146,18 +155,21 @@ def bridging(endpoint, broker_port, folder, *words):
 
 @contextmanager
 def scene(folder, scenario, broker_port, orchard_words=(), bridge_words=()):
-    """An orchard whose carriers are vehicles, with a broker at a port."""
+    """An orchard and a bridge that makes its carriers vehicles, for a broker at a port.
+
+    `orchard_words` and `bridge_words` are further options of their commands.
+    """
     (folder / "orchard.yaml").write_text(json.dumps(scenario))
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     words = [
         *shlex.split(os.environ["ORCHARD"]),
         str(folder / "orchard.yaml"),
-        "--without",
-        "carrier",
-        "--without",
-        "dispatch",
+        *("--without", "carrier"),
+        *("--without", "dispatch"),
+        *("--listen", endpoint),
+        *("--record", "none"),
+        *orchard_words,
     ]
-    words += ["--listen", endpoint, "--record", "none", *orchard_words]
     os.environ |= {"ORCHARD_RUNS": str(folder / "runs"), "PYTHONPATH": str(FOLDER)}
     with (
         started(words, folder / "orchard.log") as orchard,

@@ -7,7 +7,10 @@ from standard import check
 
 
 def begun(released=4, patience=60.0):
-    """Return a fleet of which a vehicle has left the queue, and the name of that vehicle."""
+    """Return a fleet of which a vehicle has left the queue, and the name of that vehicle.
+
+    `patience` is how long, in s, a vehicle waits for fleet control before it goes home by itself.
+    """
     fleet = Fleet(SMALL, released=released, timing=Timing(patience=patience))
 
     def first_with_an_order():
@@ -35,6 +38,7 @@ def stands_in_the_queue(fleet, name):
 
 
 def finishes(fleet):
+    """Drive the harvest to its end and check all messages of the vehicles. Return true."""
     while not fleet.run.engine.over:
         assert fleet.run.engine.tick < 15_000, [fleet.state(name) for name in fleet.wires]
         fleet.tick()
@@ -78,14 +82,13 @@ def test_an_update_after_a_lost_one_is_rejected():
     fleet, name = begun(released=2)
     fleet.has_master = False
     job = fleet.master.jobs[name]
-    job |= {"base": job["base"] + 2, "update": job["update"] + 2}
+    job["base"] += 2
+    job["update"] += 2
     fleet.master.order(name, first=job["base"])
     fleet.until(lambda: fleet.state(name)["errors"])
     (error,) = fleet.state(name)["errors"]
-    assert (
-        error["errorType"] == "VALIDATION_FAILURE"
-        and "must begin with the last node of the base" in error["errorDescription"]
-    )
+    assert error["errorType"] == "VALIDATION_FAILURE"
+    assert "must begin with the last node of the base" in error["errorDescription"]
     fleet.until(lambda: fleet.state(name)["newBaseRequest"] and not fleet.state(name)["driving"])
 
 
@@ -98,19 +101,18 @@ def test_a_vehicle_left_alone_on_the_roads_goes_home(after):
     """
     fleet, name = begun(released=1)
     job = fleet.master.jobs[name]
-    stop, bin_node = (
-        next(node for node in job["names"] if f"/{what}/" in node) for what in ("stop", "bin")
-    )
-    names = {
+    way = job["names"]
+    stop = next(node for node in way if "/stop/" in node)
+    bin_node = next(node for node in way if "/bin/" in node)
+    last_node = {
         "out": fleet.state(name)["lastNodeId"],
         "stop": stop,
-        "turn": job["names"][job["names"].index(stop) + 1],
+        "turn": way[way.index(stop) + 1],
         "bay": bin_node,
-    }
+    }[after]
     fleet.until(
         lambda: (
-            fleet.state(name)["lastNodeId"] == names[after]
-            and all_done(fleet, name, names[after], job)
+            fleet.state(name)["lastNodeId"] == last_node and all_done(fleet, name, last_node, job)
         )
     )
     fleet.cut(name)
@@ -146,17 +148,22 @@ def test_a_vehicle_left_alone_beside_a_picker_hands_over(patience):
     fleet.has_master = True
     fleet.until(lambda: stands_in_the_queue(fleet, name))
     fleet.cut(name, is_up=True)
-    assert finishes(fleet) and [fleet.run.memories[one].reserved for one in fleet.wires] == [[], []]
+    assert finishes(fleet)
+    for vehicle in fleet.wires:
+        assert fleet.run.memories[vehicle].reserved == []
 
 
 @pytest.mark.parametrize(
     ("where", "has_bin"), [("east/out/1", True), ("east/wait/1", False), ("east/wait/1", True)]
 )
 def test_a_picker_that_is_left_alone_clears_the_roads(where, has_bin):
-    """At the end of a row, and beyond the roads with its bin on them, it holds up carriers; without
-    a bin the one that brings one.
+    """Left alone, a picker drives aside by itself.
+
+    At the end of a row, and beyond the roads with its bin on them, it would hold up carriers.
+    Beyond the roads without a bin it would hold up the one that brings a bin.
     """
-    fleet, name = Fleet(SMALL, ["picker"], timing=Timing(patience=20.0)), "picker_01"
+    name = "picker_01"
+    fleet = Fleet(SMALL, ["picker"], timing=Timing(patience=20.0))
     fleet.until(
         lambda: (
             fleet.state(name).get("lastNodeId") == where
@@ -184,20 +191,15 @@ def test_a_picker_that_is_left_alone_clears_the_roads(where, has_bin):
 
 def test_a_picker_waits_for_its_bin_and_says_what_it_cannot_do():
     """A picker waits for its empty bin and says what it cannot do."""
-    fleet, name = Fleet(SMALL, ["picker"]), "picker_01"
+    name = "picker_01"
+    fleet = Fleet(SMALL, ["picker"])
     fleet.has_master = False
     fleet.tick()
-    fleet.master.drive(
-        name,
-        "",
-        ["west/in/1", "east/out/1", "east/wait/1", "east/wait/2"],
-        {"east/out/1": ("drop", None)},
-    )
+    way = ["west/in/1", "east/out/1", "east/wait/1", "east/wait/2"]
+    fleet.master.drive(name, "", way, {"east/out/1": ("drop", None)})
     error = fleet.until(lambda: fleet.state(name)["errors"])[0]
-    assert (
-        "it must first couple the empty bin" in error["errorDescription"]
-        and fleet.run.memories[name].reserved == []
-    )
+    assert "it must first couple the empty bin" in error["errorDescription"]
+    assert fleet.run.memories[name].reserved == []
     fleet.master.instant(name, "cancelOrder")
     fleet.until(lambda: fleet.state(name)["instantActionStates"])
     fleet.has_master = True
@@ -212,12 +214,12 @@ def test_a_vehicle_that_cannot_turn_there_serves_the_picker(route):
 
     The full bin has sent for the vehicle behind it.
     """
-    fleet, name = Fleet(SMALL | {"route": route}, timing=Timing(patience=60.0)), "carrier_01"
+    name = "carrier_01"
+    fleet = Fleet(SMALL | {"route": route}, timing=Timing(patience=60.0))
     fleet.has_master = False
     fleet.tick()
-    fleet.master.drive(
-        name, "", fleet.master.way(fleet.state(name)["lastNodeId"], "east/stop/1"), {}
-    )
+    way = fleet.master.way(fleet.state(name)["lastNodeId"], "east/stop/1")
+    fleet.master.drive(name, "", way, {})
     fleet.has_master = True
     assert finishes(fleet)
 
@@ -231,12 +233,16 @@ def test_a_vehicle_that_is_left_alone_in_the_queue_drives_up():
 
 
 def all_done(fleet, name, node, job):
-    """Whether the actions at a node are finished."""
-    actions = {
-        state["actionId"]: state["actionStatus"] for state in fleet.state(name)["actionStates"]
+    """Whether the action of a job at a node is finished, if there is one."""
+    if node not in job["actions"]:
+        return True
+    kind, _ = job["actions"][node]
+    finished = {
+        action["actionId"]
+        for action in fleet.state(name)["actionStates"]
+        if action["actionStatus"] == "FINISHED"
     }
-    kind = job["actions"].get(node)
-    return kind is None or actions.get(f"{job['order']} {kind[0]}") == "FINISHED"
+    return f"{job['order']} {kind}" in finished
 
 
 def test_a_vehicle_that_drives_home_says_so_and_takes_no_order():
@@ -251,15 +257,14 @@ def test_a_vehicle_that_drives_home_says_so_and_takes_no_order():
         "MOBILE_ROBOT_NOT_AVAILABLE"
     ]
     fleet.until(lambda: fleet.state(name)["operatingMode"] == "AUTOMATIC")
-    assert (
-        fleet.state(name)["lastNodeId"].startswith("queue/") and fleet.state(name)["errors"] == []
-    )
+    assert fleet.state(name)["lastNodeId"].startswith("queue/")
+    assert fleet.state(name)["errors"] == []
 
 
 def test_a_bin_that_another_carrier_fetches_fails_the_action():
     """A bin that another carrier fetches fails the action and the order can be cancelled."""
     fleet, name = begun(released=99)
-    other = next(one for one in fleet.wires if one != name)
+    (other,) = set(fleet.wires) - {name}
     fleet.master.begin(other, fleet.master.jobs[name]["call"])
     fleet.until(
         lambda: any(error["errorType"] == "ACTION_FAILED" for error in fleet.state(other)["errors"])

@@ -53,11 +53,8 @@ def test_pickers_can_drive_through_all_their_rows_and_park(route):
     graph = graph_of_pickers(layout, Picker(layout, "picker_01").route)
     for block in layout.blocks.values():
         for row in block.rows:
-            start = (
-                f"west/in/{row}"
-                if (row, block.start) == (block.rows[0], "west")
-                else f"{block.start}/wait/{row}"
-            )
+            begins_here = row == block.rows[0] and block.start == "west"
+            start = f"west/in/{row}" if begins_here else f"{block.start}/wait/{row}"
             for end in ("west/park", "east/park"):
                 assert graph.way(start, [f"{end}/{block.rows[-1]}"])
 
@@ -68,7 +65,7 @@ def test_others_read_the_map(graph):
     (layout,) = LIFLayoutCollection.from_dict(lif).to_dict()["layouts"]
     assert layout == lif["layouts"][0]
     nodes = {node["nodeId"] for node in layout["nodes"]}
-    assert {
-        name for station in layout["stations"] for name in station["interactionNodeIds"]
-    } <= nodes
-    assert {edge[end] for edge in layout["edges"] for end in ("startNodeId", "endNodeId")} <= nodes
+    for station in layout["stations"]:
+        assert set(station["interactionNodeIds"]) <= nodes
+    for edge in layout["edges"]:
+        assert {edge["startNodeId"], edge["endNodeId"]} <= nodes

@@ -1,5 +1,6 @@
-"""Harvests in which a fleet control drives the carriers, in virtual time; all messages are as the
-standard has them.
+"""Harvests in which a fleet control drives carriers and pickers, in virtual time.
+
+All messages are as the standard has them.
 """
 
 import json
@@ -16,7 +17,10 @@ from orchard.field.scenario import Scenario
 
 
 def checked(fleet):
-    """Check all messages of both sides, as they are sent."""
+    """Make the fleet control check its messages as it sends them; `harvest` checks the vehicles'.
+
+    Return the fleet.
+    """
     send = fleet.master.send
 
     def send_checked(name, topic, message):
@@ -27,19 +31,22 @@ def checked(fleet):
     return fleet
 
 
-def harvested(fleet):
-    """Drive the harvest to its end. Return the collisions of vehicles."""
-    bumps = []
+def harvest(fleet):
+    """Drive the harvest to its end and check the vehicles' messages. Return their collisions."""
+    collisions = []
     while not fleet.run.engine.over:
         assert fleet.run.engine.tick < 20_000, [fleet.state(name) for name in fleet.wires]
-        bumps += [
-            event
-            for event in fleet.tick()
-            if event.what == "collision" and event.who in fleet.wires
-        ]
+        for event in fleet.tick():
+            if event.what == "collision" and event.who in fleet.wires:
+                collisions.append(event)
     for _, topic, message in fleet.heard:
         check(topic, message)
-    return bumps
+    return collisions
+
+
+def errors(fleet):
+    """The errors in the newest states of all vehicles."""
+    return [error for name in fleet.wires for error in fleet.state(name)["errors"]]
 
 
 @pytest.mark.parametrize(
@@ -55,9 +62,9 @@ def harvested(fleet):
 def test_a_fleet_control_drives_all_carriers_to_the_end(scenario, released):
     """A fleet control drives all carriers until the harvest has finished."""
     fleet = checked(Fleet(scenario, released=released, timing=Timing(visualization=5.0)))
-    assert harvested(fleet) == []
-    done = [e for name in fleet.wires for e in fleet.state(name)["errors"]]
-    assert done == [] and {topic for _, topic, _ in fleet.heard} == {"state", "visualization"}
+    assert harvest(fleet) == []
+    assert errors(fleet) == []
+    assert {topic for _, topic, _ in fleet.heard} == {"state", "visualization"}
 
 
 @pytest.mark.parametrize(
@@ -82,47 +89,33 @@ def test_a_fleet_control_drives_all_carriers_to_the_end(scenario, released):
 def test_a_fleet_control_drives_pickers_to_the_end(scenario, names):
     """A fleet control drives pickers until the harvest has finished."""
     fleet = checked(Fleet(scenario, names))
-    assert harvested(fleet) == []
-    assert [error for name in fleet.wires for error in fleet.state(name)["errors"]] == []
-    assert all(
-        "/park/" in fleet.state(name)["lastNodeId"]
-        for name in fleet.wires
-        if name.startswith("picker")
-    )
+    assert harvest(fleet) == []
+    assert errors(fleet) == []
+    for name in fleet.wires:
+        if name.startswith("picker"):
+            assert "/park/" in fleet.state(name)["lastNodeId"]
 
 
 def test_a_picker_picks_a_row_by_one_order_released_in_steps():
     """A picker picks a row and changes bins by one order that is released step by step."""
-    fleet, name = checked(Fleet(SMALL, ["picker_01"], released=1)), "picker_01"
+    name = "picker_01"
+    fleet = checked(Fleet(SMALL, [name], released=1))
     fleet.has_master = False
     fleet.tick()
-    row, bins = ("west/in/1", "east/out/1"), ("east/out/1", "east/wait/1")
-    fleet.master.drive(
-        name,
-        "",
-        [*row, "east/wait/1"],
-        dict(zip((row, *bins), [("harvest", None), ("drop", None), ("pick", None)], strict=True)),
-    )
+    actions = {
+        ("west/in/1", "east/out/1"): ("harvest", None),
+        "east/out/1": ("drop", None),
+        "east/wait/1": ("pick", None),
+    }
+    fleet.master.drive(name, "", ["west/in/1", "east/out/1", "east/wait/1"], actions)
     fleet.has_master = True
-    fleet.until(
-        lambda: (
-            [one["actionStatus"] for one in fleet.state(name).get("actionStates", [])]
-            == ["FINISHED"] * 3
-        )
-    )
-    states = [message for who, topic, message in fleet.heard if (who, topic) == (name, "state")]
-    done = [
-        sorted(
-            one["actionType"] for one in state["actionStates"] if one["actionStatus"] == "FINISHED"
-        )
-        for state in states
+    fleet.until(lambda: finished(fleet.state(name)) == ["drop", "harvest", "pick"])
+    states = [
+        message for vehicle, topic, message in fleet.heard if (vehicle, topic) == (name, "state")
     ]
-    assert [kinds for kinds, _ in groupby(done)][:4] == [
-        [],
-        ["harvest"],
-        ["drop", "harvest"],
-        ["drop", "harvest", "pick"],
-    ]
+    # groupby leaves one of states that follow each other and are equal in this.
+    steps = [kinds for kinds, _ in groupby(finished(state) for state in states)]
+    assert steps[:4] == [[], ["harvest"], ["drop", "harvest"], ["drop", "harvest", "pick"]]
     loads = [[load["loadType"] for load in state["loads"]] for state in states]
     assert [kinds for kinds, _ in groupby(loads)] == [
         ["empty bin"],
@@ -132,36 +125,42 @@ def test_a_picker_picks_a_row_by_one_order_released_in_steps():
     ]
 
 
+def finished(state):
+    """The kinds of the actions that are finished by a state, sorted."""
+    return sorted(
+        action["actionType"]
+        for action in state.get("actionStates", [])
+        if action["actionStatus"] == "FINISHED"
+    )
+
+
 @pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
 def test_own_agents_drive_the_carriers_left_by_fleet_control(dispatch):
     """Some carriers are driven by a fleet control and the others by their own agents."""
     fleet = Fleet(SMALL | {"carriers": 3, "dispatch": dispatch}, names=["carrier_01"])
-    assert harvested(fleet) == []
-    assert fleet.master.finished and len(fleet.master.finished) < fleet.run.engine.layout.bins
+    assert harvest(fleet) == []
+    assert 0 < len(fleet.master.finished) < fleet.run.engine.layout.bins
 
 
 def test_the_same_run_gives_the_same_messages():
-    runs = [Fleet(SMALL), Fleet(SMALL)]
-    for fleet in runs:
+    first, second = Fleet(SMALL), Fleet(SMALL)
+    for fleet in (first, second):
         for _ in range(1500):
             fleet.tick()
-    assert runs[0].heard == runs[1].heard
+    assert first.heard == second.heard
+
+
+MACHINES = lay_out(Scenario()).machines
 
 
 @pytest.mark.parametrize(
-    "message",
+    ("topic", "body"),
     [
-        *(
-            ("factsheet", factsheet_of(kind, lay_out(Scenario()).machines[kind], 1.0))
-            for kind in ("carrier", "picker")
-        ),
+        ("factsheet", factsheet_of("carrier", MACHINES["carrier"], 1.0)),
+        ("factsheet", factsheet_of("picker", MACHINES["picker"], 1.0)),
         ("connection", connection_of("CONNECTION_BROKEN")),
     ],
-    ids=lambda pair: pair[0],
 )
-def test_what_is_sent_once_is_as_the_standard_has_it(message):
-    topic, body = message
-    check(
-        topic,
-        json.loads(json.dumps({"headerId": 0, **HEADER, "serialNumber": "carrier_01"} | body)),
-    )
+def test_what_is_sent_once_is_as_the_standard_has_it(topic, body):
+    message = {"headerId": 0, **HEADER, "serialNumber": "carrier_01"} | body
+    check(topic, json.loads(json.dumps(message)))

@@ -1,5 +1,6 @@
-"""The line over a real broker: a harvest, with the broker and the bridge killed on the way; and
-mistakes, told in words.
+"""The line of a vehicle over a real broker, and mistakes, which are told in words.
+
+Among them is a harvest with the broker and the bridge killed on the way.
 """
 
 import os
@@ -40,13 +41,16 @@ def test_a_harvest_survives_kills_of_broker_and_bridge(tmp_path):
         control = Control(lif(tmp_path), port)
         try:
 
-            def is_busy() -> str | None:
-                return next(
-                    (name for name in CARRIERS if control.states.get(name, {}).get("nodeStates")),
-                    None,
-                )
+            def first_with_an_order() -> str | None:
+                for name in CARRIERS:
+                    if control.states.get(name, {}).get("nodeStates"):
+                        return name
+                return None
 
-            busy = control.until(is_busy, BEGIN_SECONDS)
+            def connections_are(state: str) -> bool:
+                return all(control.connection(name) == state for name in FLEET)
+
+            busy = control.until(first_with_an_order, BEGIN_SECONDS)
             with bridging(run.endpoint, port, tmp_path, *KINDS) as second:
                 assert second.wait(BEGIN_SECONDS) == 2, "its robots are taken"
             assert {
@@ -63,42 +67,34 @@ def test_a_harvest_survives_kills_of_broker_and_bridge(tmp_path):
                 )
                 order = control.states[busy]["orderId"]
                 run.bridge.kill()
-                control.until(
-                    lambda: all(control.connection(name) == "CONNECTION_BROKEN" for name in FLEET)
-                )
+                control.until(lambda: connections_are("CONNECTION_BROKEN"))
                 with bridging(run.endpoint, port, tmp_path, *KINDS):
-                    control.until(
-                        lambda: all(control.connection(name) == "ONLINE" for name in FLEET),
-                        BEGIN_SECONDS,
-                    )
+                    control.until(lambda: connections_are("ONLINE"), BEGIN_SECONDS)
                     control.until(lambda: control.heard[-1][1] == "state")
-                    assert control.states[busy]["orderId"] in (
-                        order,
-                        *(job["order"] for job in control.jobs.values()),
-                    )
+                    # The vehicle still has its order, or has got its next one.
+                    orders = [order, *(job["order"] for job in control.jobs.values())]
+                    assert control.states[busy]["orderId"] in orders
                     assert run.orchard.wait(BEGIN_SECONDS) == 0
-                    control.until(
-                        lambda: all(control.connection(name) == "OFFLINE" for name in FLEET)
-                    )
+                    control.until(lambda: connections_are("OFFLINE"))
         finally:
             control.close()
     for _, topic, message in control.heard:
         check(topic, message)
     assert {topic for _, topic, _ in control.heard} == {"state", "connection", "factsheet"}
-    done = [
-        [one["actionStatus"] for one in message["actionStates"]]
+    # All three actions of an order. Whether its last node was reached may be in no state: the run
+    # may end before.
+    statuses = [
+        [action["actionStatus"] for action in message["actionStates"]]
         for _, topic, message in control.heard
         if topic == "state"
     ]
-    assert ["FINISHED"] * 3 in done, (
-        "all actions of an order; the run may end before its last node, which no state tells any"
-        " more"
-    )
-    assert "3 of 3 rows" in (tmp_path / "orchard.log").read_text() and "Traceback" not in run.told()
+    assert ["FINISHED"] * 3 in statuses
+    assert "3 of 3 rows" in (tmp_path / "orchard.log").read_text()
+    assert "Traceback" not in run.bridge_log()
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["--broker", "127.0.0.1"], "must be as mqtt://127.0.0.1:1883"),
         (["--manufacturer", "a/b"], "a part of a topic"),
@@ -106,64 +102,66 @@ def test_a_harvest_survives_kills_of_broker_and_bridge(tmp_path):
         (["--state", "0"], "states need at least 0.1 s"),
     ],
 )
-def test_a_wrong_setting_is_told_in_words(words, told, capsys, monkeypatch):
+def test_a_wrong_setting_is_told_in_words(words, message, capsys, monkeypatch):
     monkeypatch.setattr("os.environ", dict(os.environ))
     assert command.main(["drive", "tcp/127.0.0.1:7447", *words]) == 2
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
-    ("endpoint", "told"),
+    ("endpoint", "message"),
     [
         ("nowhere", "nowhere: not an endpoint; use one such as tcp/127.0.0.1:7447"),
         ("tls/127.0.0.1:7447", "tls needs certificates"),
     ],
 )
-def test_a_bridge_does_not_wait_where_no_run_can_be(endpoint, told, capsys, monkeypatch):
+def test_a_bridge_does_not_wait_where_no_run_can_be(endpoint, message, capsys, monkeypatch):
     """A bridge does not wait at an endpoint at which no run can be."""
     monkeypatch.setattr("os.environ", dict(os.environ))
     monkeypatch.setattr(command.time, "sleep", lambda _: pytest.fail("it waits"))
     assert command.main(["drive", endpoint]) == 2
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def opened(network, address, serial="carrier_01", topics=()):
-    """A vehicle's line that is open."""
-    line = Line(
-        network, broker_at(f"mqtt://{address}", "vda5050", "orchard", "3.0.0"), serial, topics, []
-    )
+    """Open a vehicle's line to a broker at an address. Return the line."""
+    broker = broker_at(f"mqtt://{address}", "vda5050", "orchard", "3.0.0")
+    line = Line(network, broker, serial, topics, [])
     assert line.take() == []
     return line
 
 
 def hears(line):
     """Send orders to a vehicle until one comes."""
-    taken = []
-    until(lambda: line.send("order", {}) or taken.extend(line.take()) or taken, "nothing came")
+
+    def send_and_take():
+        line.send("order", {})
+        return line.take()
+
+    until(send_and_take, "nothing came")
 
 
 @pytest.fixture
 def told(capsys):
-    """Waits until these words are said, and returns all that was."""
-    said = []
+    """A function that waits until words are on stderr, and returns all lines until then."""
+    lines = []
 
     def wait(words):
-        until(
-            lambda: (
-                said.extend(capsys.readouterr().err.splitlines())
-                or any(words in line for line in said)
-            ),
-            said,
-        )
-        return said
+        def are_told():
+            lines.extend(capsys.readouterr().err.splitlines())
+            return any(words in line for line in lines)
+
+        until(are_told, lines)
+        return lines
 
     return wait
 
 
-def until(condition, what):
+def until(condition, trouble):
+    """Wait until a condition is true, for 20 s at most; then fail with the trouble."""
     end = time.monotonic() + 20.0
     while not condition():
-        assert time.monotonic() < end, what
+        assert time.monotonic() < end, trouble
         time.sleep(0.01)
 
 
@@ -171,7 +169,7 @@ def until(condition, what):
 def server(answer):
     """A server that is no broker: it answers each caller with these bytes, and says no more.
 
-    Its address.
+    It is given as its address, HOST:PORT.
     """
     with socket.create_server(("127.0.0.1", 0)) as listener:
 
@@ -189,15 +187,16 @@ def server(answer):
 
 
 def test_a_broker_that_is_away_or_refuses_is_told_of_once(tmp_path, told):
-    port, network = free_port(), Network()
+    port = free_port()
+    network = Network()
     opened(network, f"127.0.0.1:{port}")
     told("the broker is not there: [Errno 111] Connection refused; trying again")
     with broker(tmp_path, port, lets_in="false"):
         told("the broker refuses: Not authorized; trying again")
     with broker(tmp_path, port):
-        said = told("the broker is there")
+        lines = told("the broker is there")
     network.close()
-    assert len(said) == len(set(said))
+    assert len(lines) == len(set(lines))
 
 
 def test_a_host_that_cannot_be_is_told_of(told):
@@ -223,11 +222,12 @@ def test_a_false_broker_keeps_no_other_line_from_fleet_control(tmp_path, told):
 
     It lets the vehicle in, and sends an order whose topic is no text.
     """
-    port, network = free_port(), Network()
-    with (
-        server(b"\x20\x02\x00\x00" + b"\x30\x05\x00\x02\xff\xfe{") as address,
-        broker(tmp_path, port),
-    ):
+    port = free_port()
+    network = Network()
+    # Packets of MQTT, section 3 of its standard: what it is, its length, and its content.
+    accepted = b"\x20\x02" + b"\x00\x00"
+    message = b"\x30\x05" + b"\x00\x02\xff\xfe" + b"{"  # the topic has two bytes, no UTF-8
+    with server(accepted + message) as address, broker(tmp_path, port):
         opened(network, address)
         told("the broker is not one of MQTT: UnicodeDecodeError")
         hears(opened(network, f"127.0.0.1:{port}", "carrier_02", ["order"]))
@@ -237,61 +237,71 @@ def test_a_false_broker_keeps_no_other_line_from_fleet_control(tmp_path, told):
 def test_a_bridge_to_another_run_with_the_same_vehicles_is_told(tmp_path, told, monkeypatch):
     """A bridge to another run with the same vehicles is told of."""
     monkeypatch.setattr(lines_to_broker, "AGAIN_SECONDS", 0.1)
-    port, networks = free_port(), [Network(), Network()]
+    port = free_port()
+    first, second = Network(), Network()
     with broker(tmp_path, port):
-        for network in networks:
+        for network in (first, second):
             opened(network, f"127.0.0.1:{port}")
         told("drops vehicles that it has just let in: does another bridge have their names")
-        networks[0].close()
+        first.close()
         assert "is there" in told("is there")[-1]
-        networks[1].close()
+        second.close()
 
 
 def test_the_bridges_of_two_interfaces_share_a_broker(tmp_path):
-    port, network = free_port(), Network()
+    port = free_port()
+    network = Network()
     with broker(tmp_path, port):
         address = f"mqtt://127.0.0.1:{port}"
-        both = [
-            Line(network, broker_at(address, name, "orchard", "3.0.0"), "carrier_01", ["order"], [])
-            for name in ("one", "two")
-        ]
-        for line in both:
+        lines = []
+        for interface in ("one", "two"):
+            at = broker_at(address, interface, "orchard", "3.0.0")
+            lines.append(Line(network, at, "carrier_01", ["order"], []))
+        for line in lines:
             hears(line)
         network.close()
     assert "already connected" not in (tmp_path / "broker.log").read_text()
 
 
 def test_connecting_many_vehicles_lets_the_others_be_read(monkeypatch):
-    """A connection with TLS to a broker far away takes long; a broker takes a vehicle that says
+    """Only two connect before the others are read again.
+
+    A connection with TLS to a broker far away takes long; a broker takes a vehicle that says
     nothing for 7.5 s for lost.
     """
-    clock, network, tried = [0.0], Network(), []
-    monkeypatch.setattr(lines_to_broker, "monotonic", lambda: clock[0])
+    clock = SimpleNamespace(now=0.0)
+    network = Network()
+    tried = set()
+    monkeypatch.setattr(lines_to_broker, "monotonic", lambda: clock.now)
 
     class Slow:
-        socket, is_there, trouble, next_try = None, False, "", 0.0
+        """A line that takes 0.3 s to connect."""
+
+        socket = None
+        is_there = False
+        trouble = ""
+        next_try = 0.0
 
         def connect(self):
-            clock[0] += 0.3
-            self.next_try = clock[0] + 100.0
-            tried.append(self)
+            clock.now += 0.3
+            self.next_try = clock.now + 100.0
+            tried.add(self)
 
     for _ in range(9):
         network.keep(Slow())
     for count in (2, 4, 6, 8, 9):
-        network._care(clock[0])
-        assert len(set(tried)) == count
+        network._care(clock.now)
+        assert len(tried) == count
 
 
 def test_a_password_may_hold_any_character():
-    at = broker_at(
-        "mqtt://the%20fleet:p%40ss%2Fw%3Ard@127.0.0.1:1883", "vda5050", "orchard", "3.0.0"
-    )
+    address = "mqtt://the%20fleet:p%40ss%2Fw%3Ard@127.0.0.1:1883"
+    at = broker_at(address, "vda5050", "orchard", "3.0.0")
     assert (at.user, at.password, at.host) == ("the fleet", "p@ss/w:rd", "127.0.0.1")
 
 
 @pytest.mark.parametrize(
-    ("scenario", "names", "told"),
+    ("scenario", "names", "message"),
     [
         ({"dispatch": "predictive"}, ["carrier_01"], "start the run with --without dispatch"),
         (
@@ -302,24 +312,21 @@ def test_a_password_may_hold_any_character():
         ({"row_width": 4.0}, ["picker_01"], "row_width 4: fleet control drives pickers in rows"),
     ],
 )
-def test_what_cannot_be_driven_is_told_in_words(scenario, names, told):
-    with pytest.raises(ValueError, match=told):
+def test_what_cannot_be_driven_is_told_in_words(scenario, names, message):
+    with pytest.raises(ValueError, match=message):
         vehicles(lay_out(Scenario(**SMALL | scenario)), names)
 
 
 def test_a_bridge_waits_for_a_run(capsys, monkeypatch):
-    answers = iter(
-        [
-            BusError("no router answers there"),
-            BusError("no router answers there"),
-            SimpleNamespace(names=["dispatch"]),
-        ]
-    )
+    """It tries again until there is one, and says so once."""
+    nothing = BusError("no router answers there")
+    answers = iter([nothing, nothing, SimpleNamespace(names=["dispatch"])])
 
     def connect(endpoint, secure):
-        if isinstance(why := next(answers), BusError):
-            raise why
-        return nullcontext(why)
+        answer = next(answers)
+        if isinstance(answer, BusError):
+            raise answer
+        return nullcontext(answer)
 
     monkeypatch.setattr(command, "connect", connect)
     monkeypatch.setattr(command, "AGAIN_SECONDS", 0.0)

@@ -1,5 +1,7 @@
-"""VDA 5050 2.1: valid by the standard's own JSON schemas, as a package of others has them, and
-understood by its fleet control.
+"""The versions 2.0 and 2.1 of VDA 5050, into which the bridge translates what it sends.
+
+The messages of 2.1 are valid by the standard's own JSON schemas, as the package vda5050-sdk of
+others has them, and its fleet control understands them.
 """
 
 import asyncio
@@ -20,15 +22,15 @@ from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 
 NAME = "carrier_01"
-
-
+# The fields of the header, which a bridge adds last.
 HEAD = ("headerId", "timestamp", "version", "manufacturer", "serialNumber")
 
 
 def in_21(topic, message):
-    """A message with its header."""
+    """A message with its header, in version 2.1."""
     head = {key: message.get(key, 0) for key in HEAD} | {"version": "2.1.0"}
-    return head | older(topic, {key: value for key, value in message.items() if key not in HEAD})
+    body = {key: value for key, value in message.items() if key not in HEAD}
+    return head | older(topic, body)
 
 
 def test_all_messages_are_valid_by_the_schemas_of_2_1():
@@ -36,42 +38,41 @@ def test_all_messages_are_valid_by_the_schemas_of_2_1():
     fleet.master.instant(name, "fly")
     fleet.master.instant(name, "startPause")
     fleet.until(lambda: fleet.state(name)["paused"])
-    once = [connection_of("ONLINE"), connection_of("OFFLINE"), connection_of("CONNECTION_BROKEN")]
-    head = HEADER | {"serialNumber": name}
     sent = [(topic, message) for _, topic, message in fleet.heard]
-    sent += [
-        *(
-            ("factsheet", head | factsheet_of(kind, lay_out(Scenario()).machines[kind], 1.0))
-            for kind in ("carrier", "picker")
-        ),
-        *(("connection", head | message) for message in once),
-    ]
+    head = HEADER | {"serialNumber": name}
+    for connection_state in ("ONLINE", "OFFLINE", "CONNECTION_BROKEN"):
+        sent.append(("connection", head | connection_of(connection_state)))
+    machines = lay_out(Scenario()).machines
+    for kind in ("carrier", "picker"):
+        sent.append(("factsheet", head | factsheet_of(kind, machines[kind], 1.0)))
     for topic, message in sent:
         assert SchemaValidator().errors(topic, in_21(topic, message)) == []
 
 
 def test_a_state_of_2_0_has_no_maps_and_no_positions_of_nodes():
-    """Such a position needs an angle in version 2.0. An order does not say it."""
+    """In version 2.0 the position of a node needs an angle, which an order does not say."""
     fleet, name = begun()
     state = fleet.state(name)
-    assert state["maps"] and state["nodeStates"][0]["nodePosition"]
-    words = oldest("state", state)
-    assert "maps" not in words
-    assert [set(node) for node in words["nodeStates"]] == [
-        {"nodeId", "sequenceId", "released"} for _ in state["nodeStates"]
-    ]
-    assert words["agvPosition"] == older("state", state)["agvPosition"]
+    assert state["maps"]
+    assert state["nodeStates"][0]["nodePosition"]
+    in_20 = oldest("state", state)
+    assert "maps" not in in_20
+    assert len(in_20["nodeStates"]) == len(state["nodeStates"])
+    for node in in_20["nodeStates"]:
+        assert set(node) == {"nodeId", "sequenceId", "released"}
+    assert in_20["agvPosition"] == older("state", state)["agvPosition"]
 
 
 def test_a_fleet_control_of_others_drives_a_vehicle():
     """A fleet control of others drives a vehicle and releases more of the way."""
-    assert asyncio.run(driven()) == "east/stop/1"
+    assert asyncio.run(drive_to_a_stop()) == "east/stop/1"
 
 
-async def driven():
+async def drive_to_a_stop():
     """Drive a vehicle to a stop by vda5050-sdk, in two parts. Return where it stands then."""
-    fleet, wires = Fleet(SMALL), MemoryBroker()
+    fleet = Fleet(SMALL)
     fleet.has_master = False
+    wires = MemoryBroker()
     here = MemoryTransport(wires)
     master = MasterClient(MasterConfig(validate_messages=True), transport=MemoryTransport(wires))
 
@@ -79,13 +80,13 @@ async def driven():
         fleet.wires[NAME].inbox.append((topic.rsplit("/", 1)[1], payload))
 
     async def until(condition):
+        """Tick, and pass messages on to the master, until a state fulfils the condition."""
         for _ in range(2000):
-            told = len(fleet.heard)
+            passed_on = len(fleet.heard)
             fleet.tick()
-            for name, topic, message in fleet.heard[told:]:
-                await here.publish(
-                    f"uagv/v2/orchard/{name}/{topic}", json.dumps(in_21(topic, message)).encode()
-                )
+            for name, topic, message in fleet.heard[passed_on:]:
+                payload = json.dumps(in_21(topic, message)).encode()
+                await here.publish(f"uagv/v2/orchard/{name}/{topic}", payload)
             session = await master.session(key)
             if session.state is not None and condition(session.state):
                 return session.state
@@ -94,6 +95,7 @@ async def driven():
     key = f"orchard/{NAME}"
     await here.subscribe(f"uagv/v2/{key}/order", arrived)
     await master.connect()
+    # The first order releases the first two nodes of the way and the edge between them.
     names = fleet.master.way("queue/1", "east/stop/1")
     order = OrderBuilder(order_id="theirs", manufacturer="orchard", serial_number=NAME)
     for number, name in enumerate(names):
@@ -108,5 +110,6 @@ async def driven():
         more.add_node(end).add_edge(start, end)
     assert (await master.dispatch(more.build(), key)).accepted
     state = await until(lambda state: state.last_node_id == names[-1] and not state.driving)
-    assert state.errors == [] and state.node_states == []
+    assert state.errors == []
+    assert state.node_states == []
     return state.last_node_id

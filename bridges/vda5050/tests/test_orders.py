@@ -1,9 +1,10 @@
-"""Which orders a vehicle takes, and how it rejects the others: functions of data, without a
-robot.
+"""Which orders a vehicle takes, and how it rejects the others.
+
+These are functions of data, without a robot. What an order, its base and its horizon are is in
+`master.py`.
 """
 
 import json
-from functools import reduce
 
 import pytest
 from msgspec.structs import fields
@@ -18,6 +19,7 @@ from orchard.roads.graph import graph_of
 from orchard.roads.pickers import graph_of_pickers
 
 LAYOUT = lay_out(Scenario(rows=3, pickers=2))
+# The carriers' roads, and the way from a place in the queue to a stop beside a picker.
 GRAPH = graph_of(LAYOUT, Carrier(LAYOUT, "carrier_01").route)
 BINS = ["bin_01", "bin_02"]
 START = GRAPH.nodes["queue/1"]
@@ -31,7 +33,11 @@ HEADER = {
 }
 
 
+# -- parts of messages
+
+
 def node(name, sequence, released=True, actions=(), **more):
+    """A node of an order."""
     return {
         "nodeId": name,
         "sequenceId": sequence,
@@ -41,6 +47,7 @@ def node(name, sequence, released=True, actions=(), **more):
 
 
 def action(kind="handOver", key="loadId", value="bin_01", number=1):
+    """An action with one parameter, or with none if `key` is empty."""
     parameters = [{"key": key, "value": value}] if key else []
     return {
         "actionType": kind,
@@ -51,7 +58,10 @@ def action(kind="handOver", key="loadId", value="bin_01", number=1):
 
 
 def order(update=0, first=0, released=99, actions=(), order_id="one"):
-    """An order from node number `first` of the way to its end, with `actions` there."""
+    """An order from node number `first` of the way to its end, with `actions` there.
+
+    `released` is the number of the last node of the base.
+    """
     nodes = [node(name, 2 * n, n <= released) for n, name in enumerate(WAY)][first:]
     nodes[-1]["actions"] = list(actions)
     edges = [
@@ -61,14 +71,25 @@ def order(update=0, first=0, released=99, actions=(), order_id="one"):
     return HEADER | {"orderId": order_id, "orderUpdateId": update, "nodes": nodes, "edges": edges}
 
 
+def read(message):
+    """An order as a vehicle reads it."""
+    return read_order(json.dumps(message).encode())
+
+
 def taken(state, message):
-    return take(state, read_order(json.dumps(message).encode()), GRAPH, BINS, x=START.x, y=START.y)
+    """What a vehicle that stands at the start of the way knows after it has taken an order.
+
+    `state` is what it knew before.
+    """
+    return take(state, read(message), GRAPH, BINS, x=START.x, y=START.y)
 
 
 def changed(message, path, value):
-    """Change a part of a message; None removes it."""
-    *way, last = path
-    part = reduce(lambda part, key: part[key], way, message)
+    """Change the part of a message at a path of keys; None removes it. Return the message."""
+    *keys, last = path
+    part = message
+    for key in keys:
+        part = part[key]
     if value is None:
         del part[last]
     else:
@@ -82,24 +103,29 @@ HEIGHT = {
 
 
 def placed(**more):
-    """An order whose first node has a position."""
-    return changed(
-        order(),
-        ["nodes", 0, "nodePosition"],
-        {"x": START.x, "y": START.y, "mapId": "orchard"} | more,
-    )
+    """An order whose first node has its position, with these fields of the position changed."""
+    position = {"x": START.x, "y": START.y, "mapId": "orchard"} | more
+    return changed(order(), ["nodes", 0, "nodePosition"], position)
 
 
+# -- what a vehicle may know before it takes an order: that it has begun one, of which three nodes
+# are released; that this was cancelled; that there is an action at the end of one; and that it has
+# done one until the third node.
 BEGUN = taken(OrderState(), order(released=2))
 CANCELLED = taken(OrderState(), order(released=2))
 cancel(CANCELLED, is_driving=False)
 WITH_ACTION = taken(OrderState(), order(actions=[action()]))
-AGAIN = [
-    node(WAY[-1], 2 * len(WAY) - 2),
-    node(WAY[-1], 2 * len(WAY), actions=[action()]),
-]  # of the same name
-EDGE = {"edgeId": "", "sequenceId": 2 * len(WAY) - 1, "released": True, "actions": []}
 DONE = OrderState("one", 3, b"", WAY[2], 4)
+
+# An update that stays at the last node, with an action of an id that is known.
+TWICE = order(update=1) | {
+    "nodes": [
+        node(WAY[-1], 2 * len(WAY) - 2),
+        node(WAY[-1], 2 * len(WAY), actions=[action()]),
+    ],
+    "edges": [{"edgeId": "", "sequenceId": 2 * len(WAY) - 1, "released": True, "actions": []}],
+}
+ONLY_THE_BAY = order() | {"nodes": [node("bay", 0)], "edges": []}
 
 
 @pytest.mark.parametrize(
@@ -128,11 +154,7 @@ DONE = OrderState("one", 3, b"", WAY[2], 4)
         ("VALIDATION_FAILURE", OrderState(), order(actions=[action(), action("drop", key="")])),
         ("VALIDATION_FAILURE", OrderState(), order(order_id="long" * 100)),
         ("VALIDATION_FAILURE", OrderState(), order(order_id="")),
-        (
-            "VALIDATION_FAILURE",
-            WITH_ACTION,
-            order(update=1, first=len(WAY) - 1) | {"nodes": AGAIN, "edges": [EDGE]},
-        ),
+        ("VALIDATION_FAILURE", WITH_ACTION, TWICE),
         (
             "UNSUPPORTED_PARAMETER",
             OrderState(),
@@ -157,11 +179,7 @@ DONE = OrderState("one", 3, b"", WAY[2], 4)
         ("OUTDATED_ORDER_UPDATE", DONE, order(update=2, first=2)),
         ("SAME_ORDER_UPDATE_ID", BEGUN, order(released=3)),
         ("ORDER_UPDATE_FOLLOWING_CANCEL", CANCELLED, order(update=1, first=2)),
-        (
-            "START_NODE_OUT_OF_RANGE",
-            OrderState(),
-            changed(changed(order(), ["nodes"], [node("bay", 0)]), ["edges"], []),
-        ),
+        ("START_NODE_OUT_OF_RANGE", OrderState(), ONLY_THE_BAY),
         ("NO_ROUTE_TO_TARGET", OrderState(), changed(order(), ["nodes", 1, "nodeId"], "nowhere")),
         ("NO_ROUTE_TO_TARGET", OrderState(), changed(order(), ["nodes", 1, "nodeId"], "bay")),
         ("NO_ROUTE_TO_TARGET", OrderState(), placed(x=0.0)),
@@ -172,12 +190,14 @@ def test_an_order_is_rejected_with_the_standards_error(error_type, state, messag
     before = repr(state)
     with pytest.raises(Rejected) as rejected:
         taken(state, message)
-    assert rejected.value.error.error_type == error_type and rejected.value.error.error_description
+    assert rejected.value.error.error_type == error_type
+    assert rejected.value.error.error_description
     assert repr(state) == before
 
 
 @pytest.mark.parametrize("blocking", ["SOFT", "HARD"])
 def test_what_is_done_while_driving_cannot_forbid_to_drive(blocking):
+    """An action on an edge is done while driving: its blockingType must allow that."""
     graph = graph_of_pickers(LAYOUT, Carrier(LAYOUT, "carrier_01").route)
     way = ["west/in/1", "east/out/1"]
     edge = {
@@ -194,26 +214,10 @@ def test_what_is_done_while_driving_cannot_forbid_to_drive(blocking):
     }
     start = graph.nodes[way[0]]
     with pytest.raises(Rejected, match="its blockingType must be NONE or SINGLE"):
-        take(
-            OrderState(),
-            read_order(json.dumps(message).encode()),
-            graph,
-            BINS,
-            x=start.x,
-            y=start.y,
-        )
+        take(OrderState(), read(message), graph, BINS, x=start.x, y=start.y)
     edge["actions"][0]["blockingType"] = "NONE"
-    assert (
-        take(
-            OrderState(),
-            read_order(json.dumps(message).encode()),
-            graph,
-            BINS,
-            x=start.x,
-            y=start.y,
-        ).order_id
-        == "one"
-    )
+    state = take(OrderState(), read(message), graph, BINS, x=start.x, y=start.y)
+    assert state.order_id == "one"
 
 
 @pytest.mark.parametrize(
@@ -238,10 +242,14 @@ def test_what_is_no_order_is_rejected(payload):
 def test_a_rejected_order_is_named():
     with pytest.raises(Rejected) as rejected:
         taken(OrderState(), changed(order(), ["nodes", 0, "nodeId"], None))
-    named = {
-        one.reference_key: one.reference_value for one in rejected.value.error.error_references
+    assert references(rejected.value.error) == {"orderId": "one", "orderUpdateId": "0"}
+
+
+def references(error):
+    """What an error refers to: its keys and values."""
+    return {
+        reference.reference_key: reference.reference_value for reference in error.error_references
     }
-    assert named == {"orderId": "one", "orderUpdateId": "0"}
 
 
 def test_an_order_that_comes_twice_changes_nothing():
@@ -257,9 +265,9 @@ def test_an_update_extends_the_base_and_replaces_the_horizon():
     assert [action.action_id for action in begun.actions] == ["action 1"]
     assert begun.decision_point == (WAY[2], 4)
     updated = taken(begun, order(update=1, first=2, actions=[action(number=2)]))
-    assert [(node.node_id, node.sequence_id, node.released) for node in updated.nodes] == [
-        (name, 2 * n, True) for n, name in enumerate(WAY)
-    ][1:]
+    all_released = [(name, 2 * n, True) for n, name in enumerate(WAY)]
+    ahead = [(node.node_id, node.sequence_id, node.released) for node in updated.nodes]
+    assert ahead == all_released[1:]
     assert [edge.sequence_id for edge in updated.edges] == [2 * n + 1 for n in range(len(WAY) - 1)]
     assert [action.action_id for action in updated.actions] == ["action 2"]
 
@@ -267,37 +275,27 @@ def test_an_update_extends_the_base_and_replaces_the_horizon():
 def test_an_order_that_is_done_goes_on_with_an_update():
     """An order that is done goes on with an update at its last node."""
     updated = taken(DONE, order(update=7, first=2))
-    assert (updated.last_node, updated.last_sequence, len(updated.nodes)) == (
-        WAY[2],
-        4,
-        len(WAY) - 3,
-    )
+    assert (updated.last_node, updated.last_sequence) == (WAY[2], 4)
+    assert len(updated.nodes) == len(WAY) - 3
 
 
 def test_actions_can_be_added_at_the_decision_point():
-    """Actions can be added at the decision point by a node of the same name."""
-    begun = taken(
-        OrderState(), changed(changed(order(), ["nodes"], [node(WAY[0], 0)]), ["edges"], [])
-    )
-    again = order(update=1) | {
+    """Actions can be added at the decision point, the end of the base.
+
+    The update does so by a further node of the same name.
+    """
+    begun = taken(OrderState(), order() | {"nodes": [node(WAY[0], 0)], "edges": []})
+    update = order(update=1) | {
         "nodes": [node(WAY[0], 0), node(WAY[0], 2)],
         "edges": [{"edgeId": "", "sequenceId": 1, "released": True, "actions": []}],
     }
-    assert [one.sequence_id for one in taken(begun, again).nodes] == [2]
+    assert [node.sequence_id for node in taken(begun, update).nodes] == [2]
 
 
 def test_the_first_node_may_allow_a_vehicle_further_away():
     """The first node may allow a vehicle to stand further away."""
     far = START.x - 3.0
-    position = {
-        "x": START.x,
-        "y": START.y,
-        "mapId": "orchard",
-        "allowedDeviationXY": {"a": 4.0, "b": 4.0, "theta": 0.0},
-    }
-    message = read_order(
-        json.dumps(changed(order(), ["nodes", 0, "nodePosition"], position)).encode()
-    )
+    message = read(placed(allowedDeviationXY={"a": 4.0, "b": 4.0, "theta": 0.0}))
     assert take(OrderState(), message, GRAPH, BINS, x=far, y=START.y).order_id == "one"
 
 
@@ -307,20 +305,14 @@ def test_an_allowed_deviation_lets_no_vehicle_off_the_roads(x, y):
 
     It would drive straight on from where it stands, to the side of the edge or from far away.
     """
-    far = {
-        "x": START.x,
-        "y": START.y,
-        "mapId": "orchard",
-        "allowedDeviationXY": {"a": 500.0, "b": 500.0, "theta": 0.0},
-    }
-    message = read_order(json.dumps(changed(order(), ["nodes", 0, "nodePosition"], far)).encode())
+    message = read(placed(allowedDeviationXY={"a": 500.0, "b": 500.0, "theta": 0.0}))
     with pytest.raises(Rejected, match="m away"):
         take(OrderState(), message, GRAPH, BINS, x=START.x + x, y=START.y + y)
 
 
 def nulls(kind):
     """Return null for each optional field of a part of a message."""
-    return {one.encode_name: None for one in fields(kind) if not one.required}
+    return {field.encode_name: None for field in fields(kind) if not field.required}
 
 
 def test_a_field_that_is_null_is_not_there():
@@ -340,7 +332,7 @@ def test_a_field_that_is_null_is_not_there():
 
 def test_a_field_that_must_be_there_may_not_be_null():
     with pytest.raises(Rejected, match="missing required field `nodeId`"):
-        read_order(json.dumps(order() | {"nodes": [node(None, 0)], "edges": []}).encode())
+        read(order() | {"nodes": [node(None, 0)], "edges": []})
 
 
 @pytest.mark.parametrize("field", ["actions", "instantActions"])
@@ -356,23 +348,24 @@ def test_instant_actions_are_read_under_both_names(field):
 
 
 def at_the_last_node(actions, number=2):
-    """Return an update that begins at node `number`, the last one of the base, with these
-    actions.
-    """
+    """Return an update with these actions at its first node, number `number` of the way."""
     message = order(update=1, first=number)
     message["nodes"][0]["actions"] = actions
     return message
 
 
 def with_actions_at(number, actions):
-    """Return what a vehicle knows of an order with these actions at the last node of its base."""
+    """Return what a vehicle knows of an order with these actions at the last node of its base.
+
+    `number` is that of the node.
+    """
     message = order(released=number)
     message["nodes"][number]["actions"] = actions
     return taken(OrderState(), message)
 
 
 UNLOAD = action("drop", key="")
-TO_STOP = len(WAY) - 1
+TO_STOP = len(WAY) - 1  # the number of the last node of the way
 
 
 @pytest.mark.parametrize(
@@ -393,13 +386,12 @@ def test_an_update_cannot_change_the_last_node_of_the_base(actions, why, is_ther
     with pytest.raises(Rejected, match=why) as rejected:
         taken(begun, update)
     wrong = actions[-1]["actionId"]
-    named = {
-        one.reference_key: one.reference_value for one in rejected.value.error.error_references
-    }
-    assert named == {"orderId": "one", "orderUpdateId": "1", "actionId": wrong}
-    assert rejected.value.error.error_type == "INVALID_ORDER_ACTION"
-    words = rejected.value.error.error_description
-    assert wrong in words and f"a further node {WAY[-1]} with sequenceId {2 * TO_STOP + 2}" in words
+    error = rejected.value.error
+    assert references(error) == {"orderId": "one", "orderUpdateId": "1", "actionId": wrong}
+    assert error.error_type == "INVALID_ORDER_ACTION"
+    assert wrong in error.error_description
+    remedy = f"a further node {WAY[-1]} with sequenceId {2 * TO_STOP + 2}"
+    assert remedy in error.error_description
 
 
 @pytest.mark.parametrize("actions", [[], [UNLOAD]])
@@ -431,10 +423,12 @@ def test_a_cancelled_order_leaves_a_vehicle_its_next_node():
     """A cancelled order leaves a vehicle that drives its next node."""
     begun = taken(OrderState(), order(released=2, actions=[action()]))
     cancel(begun, is_driving=True)
-    assert [node.node_id for node in begun.nodes] == WAY[1:2] and not begun.is_idle
+    assert [node.node_id for node in begun.nodes] == WAY[1:2]
+    assert not begun.is_idle
     assert [action.action_status for action in begun.actions] == ["FAILED"]
     arrive(begun)
-    assert begun.is_idle and begun.order_id == "one"
+    assert begun.is_idle
+    assert begun.order_id == "one"
 
 
 def base_with_a_gap():
@@ -446,16 +440,16 @@ def base_with_a_gap():
 
 
 @pytest.mark.parametrize(
-    ("message", "told"),
+    ("message", "why"),
     [
         (changed(order(), ["nodes", -1, "sequenceId"], 99), "must grow by 1"),
         (changed(order(), ["edges", 0, "endNodeId"], "bay"), "between which it stands"),
         (base_with_a_gap(), "the base must come first"),
     ],
 )
-def test_parts_of_an_order_out_of_sequence_are_rejected(message, told):
-    with pytest.raises(Rejected, match=told):
-        read_order(json.dumps(message).encode())
+def test_parts_of_an_order_out_of_sequence_are_rejected(message, why):
+    with pytest.raises(Rejected, match=why):
+        read(message)
 
 
 def test_cancelling_leaves_a_finished_action_finished():

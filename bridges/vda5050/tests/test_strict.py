@@ -40,17 +40,15 @@ def test_a_strict_client_of_version_2_0_drives_a_carrier(tmp_path):
             text=True,
             timeout=SECONDS,
         )
-        assert done.returncode == 0, done.stdout + done.stderr + run.told()
+        assert done.returncode == 0, done.stdout + done.stderr + run.bridge_log()
     assert done.stderr == ""  # where it says which messages it drops
-    told = [json.loads(line) for line in done.stdout.splitlines()]
-    assert {"factsheet": "orchard-carrier"} in told
-    assert not any(message.get("error") for message in told), told
-    reached = [message["traversed"] for message in told if "traversed" in message]
+    # The client writes a line of JSON for each thing that it hears of.
+    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    assert {"factsheet": "orchard-carrier"} in lines
+    assert not any(line.get("error") for line in lines), lines
+    reached = [line["traversed"] for line in lines if "traversed" in line]
     assert reached[: len(names) - 1] == names[:-1]
-    processed = [message for message in told if "processed" in message]
-    assert [(one["processed"], one["active"]) for one in processed] == [
-        (0, True),
-        (1, True),
-        (2, False),
-    ]
-    assert [one["is"] for one in told if "action" in one][-1:] == ["FINISHED"]
+    # The order and its two updates. It is active until it is cancelled, after the second one.
+    processed = [(line["processed"], line["active"]) for line in lines if "processed" in line]
+    assert processed == [(0, True), (1, True), (2, False)]
+    assert [line["is"] for line in lines if "action" in line][-1:] == ["FINISHED"]

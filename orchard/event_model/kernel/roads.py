@@ -205,13 +205,18 @@ def tell_followers(m, robot, when):
 @inner
 def stop_short(m, robot, at):
     """Let a robot's way on its line end before it was to. Who drives behind it looks again."""
-    me = m.robots[robot]
-    me.line_end = at
-    behind = me.behind
+    m.robots[robot].line_end = at
+    tell_driver_behind(m, robot, noticed_at(m, robot))
+
+
+@inner
+def tell_driver_behind(m, robot, when):
+    """Let the robot that drives behind this one look again at a time."""
+    behind = m.robots[robot].behind
     if behind == c.NONE or m.robots[behind].state != c.DRIVING:
         return
     if m.robots[behind].leg_ahead == robot:
-        m.timers[c.WAKE, behind] = min(m.timers[c.WAKE, behind], noticed_at(m, robot))
+        m.timers[c.WAKE, behind] = min(m.timers[c.WAKE, behind], when)
 
 
 @inner

@@ -12,6 +12,7 @@ from orchard.event_model.kernel.roads import (
     OFF_THE_LINE,
     leave,
     noticed_at,
+    tell_driver_behind,
     tell_followers,
     ticks_of_parts,
 )
@@ -76,11 +77,13 @@ def swing(m, robot):
 
 @inner
 def swing_bin(m, robot, is_aside):
-    """Begin to swing a bin. Who stands behind it sees that from the next tick on."""
+    """Begin to swing a bin. Who stands or drives behind it sees that from the next tick on."""
     me = m.robots[robot]
+    noticed = m.desk[0].now + c.QUARTERS * NOTICED
     me.swings_since = tick_of(m)
     me.swings_aside = is_aside
-    tell_followers(m, robot, m.desk[0].now + c.QUARTERS * NOTICED)
+    tell_followers(m, robot, noticed)
+    tell_driver_behind(m, robot, noticed)
 
 
 @inner

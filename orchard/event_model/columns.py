@@ -101,10 +101,16 @@ ROBOT = np.dtype(
         # Where it ends, or the robot fails.
         ("stop", np.float64),
         ("fails", np.bool_),
-        # -- failures: so far; work since the last repair, s; what remains of this repair, s
+        # -- failures: so far; work since the last repair, s; what remains of this repair after the
+        # present part, s; the tick at which that part ends
         ("failures", np.int64),
         ("worked", np.float64),
         ("repair", np.float64),
+        ("part_ends", np.int64),
+        # Of a carrier that is repaired in the bay: the time at which the bay goes on with its bin;
+        # NEVER if it does not. Whether it has emptied the bin.
+        ("emptied_next", np.int64),
+        ("is_emptied", np.bool_),
         # -- people and animals: how many it has met and at how many turns it has looked for them;
         # the next meeting, along this drive, and after it, m
         ("meetings", np.int64),
@@ -257,6 +263,9 @@ DESK = np.dtype(
         ("carrier_turning", np.float64),
         # x at which carriers leave the queue, its east edge; and x of its heads.
         ("exit", np.float64),
+        # x between which a bin is in the bay.
+        ("bay_west", np.float64),
+        ("bay_east", np.float64),
         ("head", np.float64),
         # Of batteries: how long they last, h, infinity if they are endless; how long they take to
         # charge, s; the share of the power that a carrier uses while it stands on its way.

@@ -153,6 +153,7 @@ def _robots(program: Program, starts: Sequence[Start], bin_names: list[str]) -> 
     robots.swings_since = c.NEVER
     robots.charge = 1.0
     robots.parked = c.NEVER
+    robots.emptied_next = c.NEVER
     for robot, start in zip(robots, starts, strict=True):
         kind = KINDS[start.kind]
         robot.x = start.pose.x
@@ -185,6 +186,8 @@ def _desk(layout: Layout, program: Program) -> Any:
     desk.carrier_speed = layout.machines["carrier"].speed
     desk.carrier_turning = layout.machines["carrier"].turn / EIGHTH
     desk.exit = layout.queue.area.east
+    desk.bay_west = layout.bay.west
+    desk.bay_east = layout.bay.east
     desk.queue_west = layout.queue.area.west
     desk.queue_south = layout.queue.area.south
     desk.queue_north = layout.queue.area.north

@@ -210,6 +210,19 @@ def test_a_robot_under_repair_is_repaired_in_the_harvest() -> None:
     assert not {tick: off for tick, off in apart.items() if off > NEAR}
 
 
+def test_a_carrier_under_repair_in_the_bay_is_emptied_there() -> None:
+    """Two of its four jobs fail where its bin stands in the bay."""
+    failures = {"failure": {"mean_between": 60.0, "mean_repair": 200.0}}
+    layout = lay_out_small(
+        **{"rows": 4, "carriers": 1, "picking_speed": 1.0, "dispatch": "predictive"},
+        **{"seed": 5524, "bays": 2, "carrying": failures},
+    )
+    run = Local(layout.scenario, is_hashed=False)
+    delivered, begun = deliveries_from(run, [*range(50, 9000, 43)])
+    apart = {tick: farthest_apart(delivered, harvest) for tick, harvest in begun.items()}
+    assert not {tick: off for tick, off in apart.items() if off > NEAR}
+
+
 def test_with_people_about_all_bins_are_delivered() -> None:
     layout = lay_out_small(people={"workers": 2, "visitors": 2})
     run = Local(layout.scenario, is_hashed=False)

@@ -109,6 +109,19 @@ CHARGING: dict[str, Any] = {
         "battery": {"hours": 0.2, "standing": 0.3, "hours_to_charge": 0.1, "reserve": 0.9}
     },
 }
+# In each a carrier or several fail where their full bins stand in the bay.
+FAILING_IN_BAY: dict[str, dict[str, Any]] = {
+    "one place": {
+        **{"rows": 6, "pickers": 3, "carriers": 2, "row_length": 24.0, "picking_speed": 1.0},
+        **{"dispatch": "longest-waiting", "seed": 4702},
+        "carrying": {"failure": {"mean_between": 60.0, "mean_repair": 400.0}},
+    },
+    "two places": {
+        **{"rows": 7, "pickers": 3, "carriers": 4, "row_length": 24.0, "picking_speed": 1.0},
+        **{"dispatch": "longest-waiting", "seed": 4862, "bays": 2},
+        "carrying": {"failure": {"mean_between": 60.0, "mean_repair": 60.0}},
+    },
+}
 POLICIES = (
     "nearest",
     "longest-waiting",
@@ -181,6 +194,12 @@ def test_each_bin_is_delivered_when_the_simulator_does(name: str) -> None:
 def test_carriers_that_charge_go_on_when_the_simulators_do() -> None:
     """They move up while they charge, and use nothing where they stand in the queue."""
     assert_is_near(CHARGING)
+
+
+@pytest.mark.parametrize("name", FAILING_IN_BAY)
+def test_the_bay_empties_the_bin_of_a_carrier_that_fails_there(name: str) -> None:
+    """It does so while the carrier is repaired; the carrier hears that at its place."""
+    assert_is_near(FAILING_IN_BAY[name])
 
 
 @pytest.mark.soak

@@ -478,4 +478,25 @@ class Robots:
         me.more["fails"] = True
         if isinstance(step, st.Wait):
             me.state = c.REPAIRED
-            me.alarm = max(self.tick, me.memory.since + whole_ticks(step.seconds))
+            part_ends = max(self.tick, me.memory.since + whole_ticks(step.seconds))
+            me.more["part_ends"] = part_ends
+            me.alarm = part_ends
+            self._be_emptied(me)
+
+    def _be_emptied(self, me: Doing) -> None:
+        """Let the bay go on with the bin of a carrier that is repaired in it."""
+        body = self._coupled[self.layout.index[me.name]]
+        if int(self.ops.kind[me.op + 1]) != c.UNLOAD or not self._full[body]:
+            return
+        x, y, _ = self._pose[body]
+        if not self.layout.bay.contains(x, y):
+            return
+        unloaded = int(self.moment.world.bay_ticks[body])
+        me.more["is_taken"] = unloaded > 0
+        # The bay looks again in this tick whether it takes the bin, unless it has.
+        next_look = self.tick
+        if unloaded:
+            next_look += int(self.ops.ticks[me.op + 1]) - BIN_FOLLOWS - unloaded
+        me.more["emptied_next"] = c.QUARTERS * next_look
+        assert me.alarm is not None
+        me.alarm = min(me.alarm, next_look)

@@ -8,15 +8,18 @@ from orchard.event_model.kernel.handling import deliver
 from orchard.event_model.kernel.motion import set_alarm
 from orchard.event_model.kernel.places import tick_of
 from orchard.field.ticks import BIN_FOLLOWS
-from orchard.plans.robot import PATIENCE
+from orchard.plans.robot import ASK, PATIENCE
 
 
 @inner
 def unload(m, carrier):
-    """Stand in the bay, and look whether it takes the bin once that rests. Return that the op is
-    not done.
+    """Stand in the bay, and look whether it takes the bin once that rests. Return whether the op is
+    done.
     """
     me = m.robots[carrier]
+    if me.is_emptied:
+        hear_of_emptied(m, carrier)
+        return True
     me.state = c.LASTING
     me.is_taken = False
     me.asked = tick_of(m)
@@ -53,6 +56,53 @@ def take_in(m, carrier, tick):
     set_alarm(m, carrier, tick - BIN_FOLLOWS + ticks - tick_of(m))
 
 
+# -- a carrier that is repaired in the bay
+
+
+@inner
+def may_be_emptied(m, carrier):
+    """Let the bay look, once a failed carrier and its bin rest, whether it takes the bin.
+
+    That is if the bin stands in the bay.
+    """
+    me = m.robots[carrier]
+    me.is_taken = False
+    me.emptied_next = c.NEVER
+    # A drive that begins in the bay with an empty bin leads to no UNLOAD.
+    if m.ops[me.op + 1].kind != c.UNLOAD or me.is_emptied:
+        return
+    if m.desk[0].bay_west <= me.x - me.tows <= m.desk[0].bay_east:
+        me.asked = tick_of(m)
+        me.emptied_next = m.desk[0].now + c.QUARTERS * BIN_FOLLOWS
+
+
+@inner
+def go_on_emptying(m, carrier):
+    """Let the bay take the bin of a failed carrier, if it can now, or be done with it."""
+    me = m.robots[carrier]
+    tick = tick_of(m)
+    if me.is_taken:
+        deliver(m)
+        take_over(m)
+        me.is_taken = False
+        me.is_emptied = True
+        me.emptied_next = c.NEVER
+    elif bins_before(m, carrier) < most_taken(m, tick):
+        me.is_taken = True
+        me.emptied_next = m.desk[0].now + c.QUARTERS * (m.ops[me.op + 1].ticks - BIN_FOLLOWS)
+    else:
+        me.emptied_next = next_change(m, carrier, tick)
+
+
+@inner
+def hear_of_emptied(m, carrier):
+    """Let a carrier at its place in the bay hear from its bin that this is empty already."""
+    me = m.robots[carrier]
+    me.is_emptied = False
+    # The op after this one is the time until it hears.
+    me.hears_later = ASK - m.ops[me.op + 1].ticks
+
+
 @inner
 def is_bay_endless(m):
     """Whether no bin ever waits in the bay: it needs no trailer, and has always an empty bin."""
@@ -77,6 +127,8 @@ def bins_before(m, carrier):
 def is_unloading(m, robot):
     """Whether a robot stands in the bay with a bin that is unloaded, or waits for that."""
     me = m.robots[robot]
+    if me.state == c.REPAIRED:
+        return me.emptied_next != c.NEVER
     return me.state == c.LASTING and m.ops[me.op].kind == c.UNLOAD
 
 

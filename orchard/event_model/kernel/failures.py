@@ -6,8 +6,9 @@
 from math import inf
 
 from orchard.event_model import codes as c
+from orchard.event_model.kernel.bay import go_on_emptying, may_be_emptied
 from orchard.event_model.kernel.compiled import inner
-from orchard.event_model.kernel.motion import set_alarm, whole_ticks
+from orchard.event_model.kernel.motion import whole_ticks
 from orchard.event_model.kernel.places import tick_of
 from orchard.event_model.kernel.reports import hear_failed, hear_repaired, see_standing
 from orchard.field.ticks import TIME_STEP
@@ -83,26 +84,50 @@ def fail(m, robot):
     if m.ops[m.robots[robot].op].picks:
         hear_failed(m, robot)
     see_standing(m, robot)
+    may_be_emptied(m, robot)
+    begin_repair(m, robot)
     await_repair(m, robot)
 
 
 @inner
-def await_repair(m, robot):
-    """Stand for a part of the repair. Each part is a step that is done."""
+def begin_repair(m, robot):
+    """Begin a part of the repair. Each part is a step that is done."""
     me = m.robots[robot]
     part = first_part(me.repair)
     me.repair -= part
     me.done += 1
     me.state = c.REPAIRED
-    set_alarm(m, robot, whole_ticks(part))
+    me.part_ends = tick_of(m) + whole_ticks(part)
+
+
+@inner
+def await_repair(m, robot):
+    """Stand until the part of the repair ends, or the bay goes on with the robot's bin."""
+    me = m.robots[robot]
+    m.timers[c.WAKE, robot] = min(c.QUARTERS * me.part_ends, me.emptied_next)
 
 
 @inner
 def is_repaired(m, robot):
-    """Whether the robot is repaired. If not, it stands for the next part."""
-    if m.robots[robot].repair > 0.0:
-        await_repair(m, robot)
-        return False
-    if m.ops[m.robots[robot].op].picks:
+    """Whether the robot is repaired. If not, it stands on."""
+    me = m.robots[robot]
+    if me.emptied_next <= m.desk[0].now:
+        go_on_emptying(m, robot)
+    is_part_over = me.part_ends <= tick_of(m)
+    if is_part_over and me.repair > 0.0:
+        begin_repair(m, robot)
+    elif is_part_over:
+        end_repair(m, robot)
+        return True
+    await_repair(m, robot)
+    return False
+
+
+@inner
+def end_repair(m, robot):
+    """Be repaired. The bay begins anew with a bin that it has not emptied."""
+    me = m.robots[robot]
+    me.is_taken = False
+    me.emptied_next = c.NEVER
+    if m.ops[me.op].picks:
         hear_repaired(m, robot)
-    return True

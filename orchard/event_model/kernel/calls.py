@@ -298,7 +298,8 @@ def dispatch(m):
     if desk.state == c.ABOUT_TO_ASK:
         for carrier in range(len(m.robots)):
             me = m.robots[carrier]
-            me.is_ready = not me.is_booked and is_home(m, carrier) and can_leave(m, carrier)
+            # Whether it is booked counts at the decision, a tick later.
+            me.is_ready = is_home(m, carrier) and can_leave(m, carrier)
             if me.is_ready:
                 # What it answers now counts at the decision.
                 me.millimetres_to_head = millimetres_to_head(m, carrier)
@@ -361,20 +362,23 @@ def note_answer_in_full(m, carrier):
     """Note what a carrier answers to a policy in Python.
 
     A carrier that was sent is left out as long as it is booked: until BOOKED_TICKS after the
-    dispatcher heard the report of its bin, and answered it.
+    dispatcher heard the report of its bin, and answered it. One that was not sent yet is told if it
+    is not booked at the decision.
     """
     me = m.robots[carrier]
     decides = m.desk[0].asked + ASK
     last_that_is_over = decides - BOOKED_TICKS - REPORTED
     has_no_job = is_home(m, carrier)
-    me.is_told = not me.is_booked and (has_no_job or me.bin_reported <= last_that_is_over)
+    me.is_told = has_no_job or me.bin_reported <= last_that_is_over
     me.told_job = c.NONE if has_no_job else me.job_bin
     me.metres_to_head = max(0.0, m.desk[0].head - x_now(m, carrier))
 
 
 @inner
 def asks_python(m):
-    """Whether a policy in Python is to decide now. Then note what it is told of bins."""
+    """Whether a policy in Python is to decide now. Then note what it is told of bins, and of which
+    carriers.
+    """
     if not is_in_python(m) or m.desk[0].state != c.ABOUT_TO_DECIDE:
         return False
     tick = tick_of(m)
@@ -385,6 +389,9 @@ def asks_python(m):
         call.is_asked = is_known_to_policy(m, picker, tick)
         if call.is_asked:
             call.seconds = seconds_to_full(m, picker, tick)
+    for carrier in range(len(m.robots)):
+        if m.robots[carrier].is_booked:
+            m.robots[carrier].is_told = False
     return True
 
 
@@ -437,9 +444,13 @@ def send(m, picker):
         drop_order(m, picker)
         return
     call.is_served = True
-    m.robots[call.carrier].is_booked = False
+    me = m.robots[call.carrier]
+    me.is_booked = False
+    # It has perhaps answered the dispatcher in this tick, which leaves it out.
+    me.is_ready = False
+    me.is_told = False
     # The report, whose answer named this carrier, was sent so long before the order is heard.
-    m.robots[call.carrier].bin_reported = tick_of(m) - ORDERED - HEARD
+    me.bin_reported = tick_of(m) - ORDERED - HEARD
     call.is_open = False
     call.is_booked = False
     start_job(m, call.carrier, picker)

@@ -1,6 +1,7 @@
 """How the built-in policies choose a bin and a carrier: the rules of `orchard.dispatch.ranking`.
 
 At a decision the bins that it is about have `is_asked`, and the carriers that can leave `is_ready`.
+Those that are booked then are left out.
 """
 
 from orchard.dispatch.ranking import MARGIN
@@ -79,7 +80,8 @@ def nearest_carrier(m):
     best = c.NONE
     for carrier in range(len(m.robots)):
         me = m.robots[carrier]
-        if me.is_ready and (best == c.NONE or is_nearer_to_head(m, carrier, best)):
+        is_free = me.is_ready and not me.is_booked
+        if is_free and (best == c.NONE or is_nearer_to_head(m, carrier, best)):
             best = carrier
     return best
 

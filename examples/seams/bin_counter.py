@@ -11,17 +11,13 @@ class Progress(AgentMessage, frozen=True):
 
 
 class Counter:
-    Memory = dict[str, int]  # picker -> the steps that it has done
-    Messages = (Progress,)
+    Memory, Messages = dict[str, int], (Progress,)
 
     def __init__(self, layout, name): ...
 
     def tick(self, observation, mail, memory):
-        memory = dict(memory or {})
-        for heard in mail.requests:
-            memory[heard.sender] = heard.body.steps
-        total = Progress(sum(memory.values()))
-        answers = [(heard, total) for heard in mail.requests]
+        memory = (memory or {}) | {heard.sender: heard.body.steps for heard in mail.requests}
+        answers = [(heard, Progress(sum(memory.values()))) for heard in mail.requests]
         return Action(answers=answers, memory=memory, doing="counting")
 
 

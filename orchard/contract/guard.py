@@ -218,7 +218,7 @@ class Guard:
             text = f"its memory does not fit its `Memory`, {self.Memory}: {error}"
             raise TypeError(text) from None
         # `difference` compares types too, but it is slow. So it runs only if `==` finds a change,
-        # or if the bytes are not those of the last tick, for which it has run.
+        # or if the bytes are not those that this guard packed or was given last.
         if memory != action.memory or packed != self._packed:
             change = difference(memory, action.memory, "memory")
             if change:
@@ -353,7 +353,10 @@ class Guard:
 
 
 def _ask(agent: Any, observation: Observation, mail: Mail, memory: Any) -> Any:
-    """Return what an agent answers. It may set what counts for its thread; that is set back."""
+    """Return what an agent answers.
+
+    An agent may change settings of its thread, such as how numpy treats errors. They are set back.
+    """
     return contained(agent.tick, with_own_arrays(observation), mail, memory)
 
 

@@ -133,6 +133,8 @@ class PolicyQuestions:
 
     def note(self, decision: PolicyQuestion, orders: Sequence[Assignment]) -> None:
         """Note the orders of a decision. The machine carries them out when it goes on."""
+        # Until here `is_asked` marked the bins that the policy decided on. From here on it marks
+        # those that get a carrier.
         self._calls["is_asked"][:] = False
         for order in orders:
             picker = decision.pickers[order.bin]

@@ -229,6 +229,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         self.scenario = scenario
         self._reward = named(reward, REWARDS)
         self._longest = longest
+        # The one before the first, which has the number 0.
         self._episode = Episode(scenario.seed, -1)
         self._is_over = True
         # The decision for which the model has stopped, and the orders at it so far. None: no model
@@ -339,9 +340,11 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
             until = min(self._longest, until + LOOK_AT)
             reason = harvest.advance(until)
             if reason == c.ASKS_POLICY:
+                # It stands before `until`. After the decision it may go on up to there.
                 goes_on = self._has_moved(harvest.now)
                 self._come_to(harvest.decision, goes_on)
             else:
+                # It stands at `until`, or the harvest is over.
                 has_moved = self._has_moved(float(until))
                 goes_on = has_moved and reason != c.ENDED and until != self._longest
         if harvest.is_over:
@@ -360,7 +363,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         """Ask the scenario's policy for `info`, and let the decision wait for actions if a carrier
         can be sent.
 
-        `goes_on`: whether the episode goes on.
+        `goes_on`: whether the episode goes on. Else no carrier is sent.
         """
         now = decision.now
         bins = decision.bins
@@ -373,7 +376,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
             self.harvest.decide(decision, [])
 
     def _so_far(self) -> Transition:
-        """Return what has happened since the episode's begin."""
+        """Return what has happened since the beginning of the episode."""
         harvest = self.harvest
         seconds = harvest.seconds if harvest.is_over else harvest.now * TIME_STEP
         return Transition(seconds, harvest.waited_seconds, harvest.delivered)

@@ -25,8 +25,9 @@ LOOK_SECONDS = 1.0
 AGAIN_SECONDS = 0.1
 # So 30 s in all: physics starts slowly on a busy machine.
 TRIES = 300
-# Tries of a question that is refused, or has an answer that cannot be used. Bytes of the question
-# or the answer may have changed on their way.
+# Tries of a question to which the only replies are errors, or an answer that cannot be used. Bytes
+# of the question or the answer may have changed on their way. The question for the run is asked
+# again after errors as long as after silence: see `_ask_for_run`.
 REFUSED_TRIES = 5
 
 
@@ -150,7 +151,7 @@ def _ask_for_run(
     changed on their way: it is asked for REFUSED_TRIES times.
     """
     key = keys.of("scenario")
-    refused = 0
+    error_replies = 0
     invalid = 0
     while True:
         try:
@@ -164,8 +165,8 @@ def _ask_for_run(
                 tries=tries,
             )
         except ErrorReply:
-            refused += 1
-            if refused >= tries:
+            error_replies += 1
+            if error_replies >= tries:
                 raise
         except ScenarioError:
             invalid += 1

@@ -31,8 +31,9 @@ class OneWay(PickerWays, CarrierWays):
     its bin is in the place. A picker that crosses has both roads' places at its lane.
 
     To change the route, derive a class, change figures or replace methods, and name it in the
-    scenario: `route: my_package.MyRoute`. The class is called with the layout. Figures are metres
-    on the east side, x with rows of the usual 70 m. docs/traffic.md derives them.
+    scenario: `route: my_package.MyRoute`. The class is called with the layout. The figures are
+    attributes of the classes above it. They are metres on the east side. Where a figure is an x,
+    it is that with rows of the usual 70 m. docs/traffic.md derives them.
     """
 
     def fetch(self, carrier: int, lane: int, side: Side, picker: str, full_bin: str) -> list[Step]:
@@ -42,7 +43,7 @@ class OneWay(PickerWays, CarrierWays):
         queue. `carrier`: the number of its place in the queue, see `number`.
         """
         job: list[Step] = [
-            st.Confirmed(full_bin, [st.Home(), *self.wait_in_queue()]),
+            st.Confirmed(full_bin, otherwise=[st.Home(), *self.wait_in_queue()]),
             st.Say(f"bringing an empty bin to {picker}", "driving"),
             *_once_left(self.approach(lane, side, carrier), full_bin, side.place("D", lane)),
             st.Deliver(picker),

@@ -63,7 +63,8 @@ class Invariants:
             self.known = _known_of(world)
         else:
             self.known = msgspec.convert(data, Known)
-        # As `World.row_ends` and `World.coupled` were after the tick before.
+        # As `World.row_ends` and `World.coupled` were after the tick before. Couplings are empty
+        # before the first check, so that this one looks at all of them.
         self._rows = world.row_ends.tolist()
         self._coupled: list[int] = []
         # m in a bin for each metre of a row.
@@ -149,8 +150,9 @@ class Invariants:
             case "coupled" if event.whom in known.calls and kind_of(event.who) == "carrier":
                 yield from self._note_taken_bin(event.whom, event.who)
             # A picker that lacks an empty bin has coupled another bin than its full one.
-            case "coupled" if known.lacking.get(event.who, event.whom) != event.whom:
-                del known.lacking[event.who]
+            case "coupled" if event.who in known.lacking:
+                if known.lacking[event.who] != event.whom:
+                    del known.lacking[event.who]
             case "unloaded":
                 yield from self._note_unloaded_bin(event.who, event.whom)
 
@@ -250,8 +252,10 @@ def _misplaced_bins(world: World) -> Iterator[Violation]:
     bay_ticks = world.bay_ticks.tolist()
     robots_at = _robots_at_bins(world)
     for body, partner in enumerate(coupled):
-        is_free = body in robots_at or partner == NONE
-        if not is_free and names[body] not in robots_at.get(partner, []):
+        is_bin = body in robots_at
+        if is_bin or partner == NONE:
+            continue
+        if names[body] not in robots_at.get(partner, []):
             yield _wrong_coupling(names[body], _name(names, partner))
     for bin_, robots in robots_at.items():
         robot = ""

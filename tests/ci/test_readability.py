@@ -10,7 +10,8 @@ import pytest
 
 SOURCE = Path(__file__).parents[2] / ".ci" / "readability.py"
 
-# Measure -> code that it counts once, code that it does not count.
+# Measure -> code that it counts once, code that it does not count. A comment behind code only
+# continues the code if it begins with a small letter that is no unit.
 SEEN = {
     "tuple_assignments": ("names, count = [], 0", "first, last = last, first\nx, y = 0.0, 1.0"),
     "conditionals": ("(low, high)[is_full]", "if is_full:\n    fill = high"),
@@ -83,6 +84,6 @@ def test_a_limit_falls_to_the_figure_of_today_and_never_rises(readability, monke
     (tmp_path / "limits.toml").write_text(LIMITS)
     (tmp_path / "code.py").write_text("one = rows[0]\nrow = first if early else last\n")
     monkeypatch.setattr(sys, "argv", ["readability.py", "--lower"])
-    assert readability.main() == 1, "one conditional in two statements"
+    assert readability.main() == 1, "a conditional in two statements is 500 for 1,000, not 0.5"
     lowered = (tmp_path / "limits.toml").read_text()
     assert lowered == LIMITS.replace("1500", "500")

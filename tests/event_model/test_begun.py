@@ -113,7 +113,8 @@ def test_soak_nearly_all_starts_have_the_deliveries_of_the_run() -> None:
 def put_back(harvest: EventHarvest, chances: Random, most: int) -> None:
     """Put each carrier that drives on a job up to so many ticks back."""
     for number, me in enumerate(harvest.model.robots):
-        if me.queue_line != c.NONE and not me.is_free and me.state == c.DRIVING:
+        is_carrier = me.queue_line != c.NONE
+        if is_carrier and not me.is_free and me.state == c.DRIVING:
             ticks = chances.randint(0, most)
             me.leg_begun += ticks
             harvest.model.timers[c.WAKE, number] += c.QUARTERS * ticks
@@ -214,8 +215,13 @@ def test_a_carrier_under_repair_in_the_bay_is_emptied_there() -> None:
     """Two of its four jobs fail where its bin stands in the bay."""
     failures = {"failure": {"mean_between": 60.0, "mean_repair": 200.0}}
     layout = lay_out_small(
-        **{"rows": 4, "carriers": 1, "picking_speed": 1.0, "dispatch": "predictive"},
-        **{"seed": 5524, "bays": 2, "carrying": failures},
+        rows=4,
+        carriers=1,
+        picking_speed=1.0,
+        dispatch="predictive",
+        seed=5524,
+        bays=2,
+        carrying=failures,
     )
     run = Local(layout.scenario, is_hashed=False)
     delivered, begun = deliveries_from(run, [*range(50, 9000, 43)])
@@ -297,8 +303,9 @@ def test_a_robot_that_has_often_failed_has_draws_left() -> None:
 
 
 def test_people_who_are_met_as_with_another_seed_stay_so() -> None:
-    """A future meets people as with another seed. When more meetings are drawn, those drawn before
-    stay; and five seeds give five ends.
+    """In each of the futures of a run robots meet other people: as if the run had another seed.
+
+    When more meetings are drawn, those drawn before stay. Five seeds give five ends.
     """
     layout = lay_out_small(people={"workers": 2, "visitors": 2})
     ends = set()
@@ -371,6 +378,7 @@ def begin_of_turn(harvest: EventHarvest, name: str, tick: int) -> int:
     """Carry a harvest on to the next turn of a robot after a tick. Return when the turn begins."""
     robot = harvest.model.robots[harvest.names.index(name)]
     while harvest.model.ops[robot.op].kind != c.TURN and tick < LONGEST:
+        # Up to `tick` + 1, exclusive: so what is seen then began at `tick`.
         harvest.advance(tick + 1)
         tick += 1
     return tick - 1

@@ -137,6 +137,8 @@ class ChargersOfModel:
         """Let all happen that does at a tick. The clock of the machine counts quarters of ticks."""
         self.model.desk.now = c.QUARTERS * tick
         for robot, _ in self.visits:
+            # A carrier that parks has stood since the tick before. A charger that becomes free is
+            # given in the same tick.
             if self._is_due(c.PARK, robot):
                 self._do(kernel.park, robot, begun=tick - 1)
         for robot, visit in self.visits:
@@ -153,6 +155,7 @@ class ChargersOfModel:
         """Begin or end a drive of a carrier, as its visit says."""
         me = self.model.robots[robot]
         if tick == visit.came - IN_LINE:
+            # It has driven since tick 0.
             me.moved += tick
             me.moved_at = tick
             me.leg_begun = tick
@@ -185,7 +188,10 @@ class ChargersOfModel:
         return is_due
 
     def _do(self, event: Any, robot: int, begun: int) -> None:
-        """Let an event happen. `begun`: the tick since which one charges that gets a charger."""
+        """Let an event happen.
+
+        `begun`: the first tick in which a carrier charges to which it gives a charger.
+        """
         as_python(event)(self.model, robot)
         for other, _ in self.visits:
             if self.model.robots[other].is_charging:

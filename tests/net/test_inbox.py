@@ -18,9 +18,10 @@ def ends_in_threads(work, threads=1):
 
 
 def test_a_short_wait_ends_although_it_was_rung_before():
-    """Each item that is put rings for the reader. A wait for the next item ends after its time.
+    """Each item that is put wakes the reader. If that item was taken without a wait, its wake-up is
+    left over. The next wait must still end, and find nothing.
 
-    Waits of 0 to 29 microseconds may be over before the thread gets the processor.
+    Waits of 0 to 29 microseconds end before, while and after the thread gets the processor.
     """
     inbox = Inbox()
 
@@ -55,7 +56,10 @@ def test_items_of_several_threads_all_arrive():
 
 
 def test_an_inbox_that_is_emptied_keeps_only_requests_to_end():
-    """15 is SIGTERM: a process that is asked to end must end, whatever else it forgets."""
+    """15 is SIGTERM: a process that is asked to end must end, whatever else it forgets.
+
+    Samples of every key belong to the session before, and are dropped.
+    """
     inbox = Inbox()
     inbox.put(Sample("orchard/end", b""))
     inbox.put(Signal(15))

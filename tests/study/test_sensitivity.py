@@ -311,7 +311,7 @@ def test_points_that_jam_are_left_out_and_named(monkeypatch, tmp_path: Path) -> 
 
 
 def told(found, **changes: object) -> SensitivityResult:
-    """Return what is found of two values: of the first comes more than of the second."""
+    """Return what is found of two values. The larger effect comes first: carrying speed, here."""
     result = found(small_orchard(), "picking_speed=0.2..0.4", "carrying.speed=0.8..1.2")
     return replace(result, **changes)
 
@@ -411,7 +411,7 @@ def test_effects_are_written_as_a_table(found, tmp_path: Path) -> None:
     assert [line["moved"] for line in lines[:-2]] == [effect.key for effect in result.effects]
     assert [line["moved"] for line in lines[-2:]] == ["luck of the seed", "not told by the fit"]
     assert float(lines[0]["total_mean"]) == result.effects[0].total.mean
-    assert TABLE.is_kind_of(path), "else a second one would not take its place"
+    assert TABLE.is_kind_of(path), "else a second study could not replace the file of the first"
 
 
 def test_a_report_of_a_sensitivity_has_all_of_it(found, tmp_path: Path) -> None:

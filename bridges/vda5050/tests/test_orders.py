@@ -1,7 +1,7 @@
 """Which orders a vehicle takes, and how it rejects the others.
 
-These are functions of data, without a robot. What an order, its base and its horizon are is in
-`master.py`.
+These are functions of data, without a robot. `master.py` says what an order, its base and its
+horizon are.
 """
 
 import json

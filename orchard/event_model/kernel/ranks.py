@@ -1,7 +1,7 @@
 """How the built-in policies choose a bin and a carrier: the rules of `orchard.dispatch.ranking`.
 
 At a decision the bins that it is about have `is_asked`, and the carriers that can leave `is_ready`.
-Those that are booked then are left out.
+Carriers that are booked at that time, because an order for them is under way, are left out.
 """
 
 from orchard.dispatch.ranking import MARGIN
@@ -13,7 +13,10 @@ from orchard.field.scenario import TIME_STEP
 
 @inner
 def remember(m, picker, tick):
-    """Note when a bin is full: as `orchard.dispatch.ranking.PredictiveMemory.note`."""
+    """Note when a bin is full: as `orchard.dispatch.ranking.PredictiveMemory.note`.
+
+    A bin that is full already keeps its last estimate, if there is one from this call.
+    """
     call = m.calls[picker]
     seconds = seconds_to_full(m, picker, tick)
     if seconds > 0.0 or m.bins[call.bin].full < call.since:

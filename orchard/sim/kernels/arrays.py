@@ -118,14 +118,18 @@ class ArrayRecord:
 
 
 def _opens(opened: ArraysType) -> Any:
-    """Return the function that makes a record of addresses, in compiled functions."""
+    """Return a function for compiled functions: of a record's words it makes the record.
+
+    `opened`: numba's type of the record. No code runs for it: the address of the words is taken for
+    that of the record.
+    """
 
     @intrinsic
     def opens(typing: Any, addresses: Any) -> Any:
-        """Make a record of its addresses."""
+        """Return the signature of the function, and what generates its code, as numba asks."""
 
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            """Take the address of the addresses."""
+            """Generate the code: the pointer to the words as a pointer to the record."""
             words = make_array(signature.args[0])(context, builder, arguments[0])
             return builder.bitcast(words.data, context.get_value_type(opened))
 

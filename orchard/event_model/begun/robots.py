@@ -199,11 +199,20 @@ class Robots:
             me.more["stood"] = self.tick
         me.more["failures"] = memory.failures
         me.more["worked"] = memory.worked
+        me.more["is_emptied"] = self._is_emptied(me)
         if inserted:
             self._be_repaired(me, memory.plan[:inserted])
         else:
             self._go_on(me)
         return me
+
+    def _is_emptied(self, me: Doing) -> bool:
+        """Whether a carrier, on its drive to its place in the bay, has a bin that the bay has
+        emptied.
+        """
+        drives_to_bay = me.kind == c.DRIVE and int(self.ops.kind[me.op + 1]) == c.UNLOAD
+        body = self._coupled[self.layout.index[me.name]]
+        return drives_to_bay and not bool(self._full[body])
 
     def _op_of(self, name: str, first: int, inserted: int, unplanned: int) -> int:
         """Return the op in which a robot is. `inserted`: steps that a failure has put before its
@@ -486,7 +495,7 @@ class Robots:
     def _be_emptied(self, me: Doing) -> None:
         """Let the bay go on with the bin of a carrier that is repaired in it."""
         body = self._coupled[self.layout.index[me.name]]
-        if int(self.ops.kind[me.op + 1]) != c.UNLOAD or not self._full[body]:
+        if int(self.ops.kind[me.op + 1]) != c.UNLOAD or self._is_emptied(me):
             return
         x, y, _ = self._pose[body]
         if not self.layout.bay.contains(x, y):

@@ -34,6 +34,8 @@ def beginning_of_fork(chosen: ForkOptions, runs: RunFolder) -> Beginning:
         changes = changes_of(chosen, check(moment.scenario))
         fork = forked(moment, changes, chosen.stop or [])
     fork.run = uuid.uuid4().hex[:16]
+    # In local mode no command can let stopped robots go on. Elsewhere one can, but robots that the
+    # user has stopped by `--stop` are meant to stand: without a duration the fork would never end.
     if chosen.mode == "local" or chosen.stop:
         check_end(world_from(fork), chosen.duration)
     parent = {"run": folder.stem, "seconds": (chosen.at or 0) / TICKS_PER_SECOND}
@@ -58,7 +60,8 @@ def _say_which_are_left_behind(moment: Snapshot, without: list[str]) -> None:
 def changes_of(chosen: ForkOptions, scenario: Scenario) -> dict[str, Any]:
     """Return what is changed: dotted path -> value. Raises ValueError.
 
-    "+1" is one more than there are, or more than what null stands for.
+    "+1" is one more than there are, or more than what null stands for. "-1" is one less, so no
+    negative number can be set.
     """
     changes = dict(chosen.changes)
     for word in chosen.settings or []:
@@ -78,6 +81,7 @@ def changes_of(chosen: ForkOptions, scenario: Scenario) -> dict[str, Any]:
 
 def _present(scenario: Scenario, path: str) -> float:
     """Return the number that a scenario has at a dotted path. Raises ValueError."""
+    # `Scenario.chosen` has a number for each value that may be null, such as carriers.
     value: Any = scenario.model_dump() | scenario.chosen
     for key in path.split("."):
         value = value.get(key) if isinstance(value, Mapping) else None

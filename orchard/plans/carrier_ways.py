@@ -205,6 +205,8 @@ class CarrierWays(RoadPlaces):
             st.Say("driving to the chargers", "driving"),
             *self.go_to_line(place),
             *self.haul(),
+            # It moves up in its line while it charges. At the head it stands until it is full. The
+            # last drive is that of `wait_in_queue`, and has no way left.
             st.Charge(),
             to_head,
             st.Charged(),

@@ -4,7 +4,7 @@ such schedules.
 A schedule is a run with faults, in virtual time. Its plan says what happens:
 `Fault(what, process, tick, delay, seconds)` happens `delay` s after a tick, for some seconds; tick
 -1 is before the first one. Its verdict has complaints, one for each promise that was broken. Delays
-of faults are such that they hit the moment that a test names.
+of faults, and seeds of plans, are such that they hit the moment that a test names: found by trial.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -93,8 +93,9 @@ def test_a_mutation_is_found_and_shrinks_to_its_faults():
 # The two hosts.
 ONE = "agents 1"
 OTHER = "agents 2"
-# Physics is killed again and again, until the host has asked it.
+# Physics is killed again and again, until the host has asked it for its run.
 AGAIN_AND_AGAIN = [Fault("kill", PHYSICS, 10, delay) for delay in (0.05, 0.5, 1.0)]
+# It begins at a snapshot of tick 180, just before a picker leaves a full bin.
 LEAVES_A_BIN = plan(begin=180)
 LOSES_A_HOST = plan(Fault("think", ONE, 20, 0.0, 30.0), patience=4.0, ticks=300)
 AWAY = plan(Fault("think", ONE, 20, 0.0, 5.0), patience=4.0, ticks=300, delays=Delays(2e-2))
@@ -102,8 +103,9 @@ LATE_KILL = Fault("kill", PHYSICS, 250)
 STOPS_AND_DIES = plan(
     Fault("stop robots", CLIENT, 10, 0.0, 3.0), Fault("kill", PHYSICS, 10, 0.13), ticks=300
 )
-# A net is a part of the protocol that keeps a promise, by its name in chaos/simulated/mutations.py.
-# For each: a plan that breaks the promise if the net is cut out.
+# A net is a part of the protocol that keeps a promise. It is named by what the program does without
+# it, as in chaos/simulated/mutations.py. For each: a plan that breaks the promise if the net is cut
+# out.
 MISSED = {
     "physics never sends a tick again": plan(has_router=True, has_bare_client=True),
     "requests of the future are not kept": plan(ticks=200, hosts=3, scene="crowd"),
@@ -180,7 +182,9 @@ MISSED = {
     "physics is given up at once": plan(Fault("kill", PHYSICS, 20)),
     "a run begins before it is kept": replace(
         plan(
-            Fault("reset", CLIENT, 20), Fault("kill", PHYSICS, 20, 0.2, 0.0, 3), delays=Delays(5e-3)
+            Fault("reset", CLIENT, 20),
+            Fault("kill", PHYSICS, 20, 0.2, message=3),
+            delays=Delays(5e-3),
         ),
         seed=2,
     ),
@@ -349,7 +353,11 @@ def test_a_stop_in_the_tick_of_a_reset_is_of_no_step():
 
 @pytest.mark.parametrize("seed", [2495])
 def test_a_reset_that_begins_in_another_process_was_wanted(seed):
-    """As seed 2495 draws, run.py is killed just after physics has begun the run again."""
+    """A client asks for a reset of the run, and physics begins it again.
+
+    As seed 2495 draws, run.py is killed just then. The physics of the next run.py begins the run
+    again once more. No oracle may take that for a reset for which nobody has asked.
+    """
     assert carry_out(draw(seed)).complaints == []
 
 

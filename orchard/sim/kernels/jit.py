@@ -24,7 +24,8 @@ from numba.extending import register_jitable
 from orchard.field import repeatable
 from orchard.sim.kernels.cache import KernelFiles, kernels_folder
 
-# NUMBA_DISABLE_JIT has no effect here: functions that are not compiled give other bits.
+# NUMBA_DISABLE_JIT has no effect here, because a user may have set it for other programs. As plain
+# Python a run would be very slow, and no test compares its bits.
 numba.config.DISABLE_JIT = False
 _folder = kernels_folder()
 _files = None if _folder is None else KernelFiles(_folder)

@@ -32,10 +32,11 @@ TWICE = "answered already"
 SPEAK_FOR_OTHERS = ("lie", "repeat", "nonsense")
 # s, virtual, that hosts may take to come at the beginning.
 START_SECONDS = 6.0
-# s in which a run without faults starts and ends, and that a tick takes at most in it, beside its
-# messages: so many of these follow each other, there and back.
+# s in which a run without faults starts and ends.
 START_AND_END_SECONDS = 3.0
+# s that a tick takes at most in such a run, without the time that its messages are under way.
 TICK_SECONDS = 0.015
+# Messages of a tick that wait for each other: so many times the longest delay a tick takes besides.
 MESSAGES_OF_A_TICK = 8.0
 # s after which all hosts are back after a fault.
 BACK_SECONDS = 12.0
@@ -77,6 +78,8 @@ def judge(schedule: Schedule) -> Verdict:
     verdict.complaints += [f"crash: {crash}" for crash in world.crashes]
     verdict.occurred = _occurred(schedule, verdict.summary)
     verdict.is_near = _is_near(schedule)
+    # The stored figures of a scene are those of local mode. If the program has changed, they are
+    # stale, and nothing that is compared with them counts.
     verdict.complaints += [
         f"local mode harvests {plan.scene!r} otherwise: {difference}"
         for difference in harvest_of(plan.scene).differences[:1]
@@ -238,11 +241,22 @@ def _of_commands(schedule: Schedule) -> Iterator[str]:
     yield from _of_quitting(schedule)
     yield from _of_refusals(schedule)
     yield from schedule.observer.complaints
-    for client in schedule.clients:
-        if sum(fault.what == "pause" for fault in schedule.plan.faults) == 1:
+    yield from _of_stops(schedule)
+    # With several pauses a client cannot tell which of them let the run stand or go on.
+    if sum(fault.what == "pause" for fault in schedule.plan.faults) == 1:
+        for client in schedule.clients:
             yield from client.complaints
+
+
+def _of_stops(schedule: Schedule) -> Iterator[str]:
+    """Complain about emergency stops and resets that physics said were on the disk, and that are
+    missing in the course of the run.
+
+    The snapshot of such a tick may have been torn by a fault: then it may be missing.
+    """
+    course = schedule.observer.course
+    for client in schedule.clients:
         for what, stopped in client.stops:
-            course = schedule.observer.course
             is_kept = stopped.kept and stopped.tick not in schedule.torn
             if is_kept and not course.has(stopped.tick, what, stopped.changed):
                 yield f"what was kept is forgotten: {what}: tick {stopped.tick}"

@@ -166,6 +166,8 @@ def _all_jammed(result: StudyResult) -> str:
 def _best_words(best: Row, result: StudyResult) -> str:
     """Return the best setting. Values at an end of their range come first, as bounds: 'At least 8
     pickers, 3 carriers'.
+
+    It is no upper bound as long as a setting is not told from the best one: that may have more.
     """
     rest = dict(best.setting)
     parts = []

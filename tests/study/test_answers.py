@@ -117,6 +117,8 @@ ANSWERS = [
         of(replace(LONE, replications=1), stopped_by="budget"),
         "9 carriers: 84.1 bins an hour, known from one run only.",
     ),
+    # The best value is at an end of its range, and the value beyond it may be better. It is told as
+    # "at least", or, if no other setting may be as good, as "at most".
     (
         of(NINE, TEN, best=TEN, ties=(NINE,), beyond={"carriers": 11}),
         (

@@ -166,6 +166,8 @@ class Master:
             self.drive(serial, "", [last, wait], {})
         elif spot == "wait" and not loads:
             self.drive(serial, "", [wait], {wait: ("pick", None)})
+        # It has picked its row, came back, and has its full bin still: it brings the bin to the
+        # other end, where it drops it.
         elif spot == "wait" and is_full:
             self.drive(serial, "", [*through], {})
         elif spot == "wait" and row in self.picked and has_next:

@@ -44,7 +44,8 @@ class BatteriesOfCarriers:
         if isinstance(me.step, st.Haul):
             self._haul_on(me)
         if me.kind == c.TURN and me.alarm is not None:
-            # What it uses is counted when it has turned.
+            # The machine counts a whole turn as moved when it begins (kernel/turns.py). So what is
+            # counted here is the rest of the turn. A drive is counted when it ends.
             me.more["moved"] = me.alarm - self._tick
             me.more["moved_at"] = me.alarm
         if self._plugged[body]:
@@ -53,7 +54,11 @@ class BatteriesOfCarriers:
             self._await_charger(me, has_stood=not self._twist[body].any())
 
     def _haul_on(self, me: Doing) -> None:
-        """Use what the rest of the way to the load-out and back takes, and charge after it."""
+        """Use what the rest of the way to the load-out and back takes, and charge after it.
+
+        Nothing asks for the charge before the carrier is back, so it may be taken off at once.
+        """
+        # The tick at which it is back (orchard/plans/carrying.py, `Haul`).
         back = me.more["back"]
         # The share of its time away that is still to come.
         rest = (back - self._tick) / self._carrier.haul_ticks

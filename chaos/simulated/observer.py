@@ -96,7 +96,7 @@ class Observer:
         if refused:
             # If several were made, it is not known which one is written: another one may have
             # replaced it before. The oldest one has the fewest refusals, so it never complains in
-            # vain.
+            # vain. The newest one may still be written, so it is kept.
             self._refused_at[tick] = refused[0]
             del refused[:-1]
 
@@ -111,6 +111,7 @@ class Observer:
         forgotten = [reason for reason, count in before.items() if now.get(reason, 0) < count]
         self._wrong += [f"what was refused is forgotten: {reason}" for reason in forgotten]
 
+        # A physics that has died writes no snapshot any more.
         self._refused_in = {}
 
         def keep_and_note() -> None:
@@ -144,7 +145,9 @@ class Observer:
 
     @property
     def complaints(self) -> list[str]:
-        """What drivers asked for, and physics did not do; and what it may not do."""
+        """What drivers asked for, and physics did not do. Then the first thing that it did and may
+        not do, which often causes the others.
+        """
         complaints: list[str] = []
         for driving in self.driving:
             complaints += driving.complaints

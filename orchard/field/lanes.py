@@ -2,8 +2,8 @@
 surveyed.
 
 A row is picked from the lane between two lines of trees, so `Lane` is a row. The two ways to lay
-them out are `alike` and `surveyed`. Metres, in the frame `map`: x east, y north. A name with
-`south` in it is a distance south of the first row of a survey, m.
+them out are `alike` and `surveyed`. Metres, in the frame `map`: x east, y north. A survey has
+distances south of its first row instead, m; names of such are `souths...`.
 """
 
 from collections.abc import Mapping
@@ -74,7 +74,10 @@ class TreeLine(NamedTuple):
     def trees_x(self) -> tuple[float, ...]:
         """x of each tree, m.
 
-        Trees of all lines stand in one grid, so that the wires of the pergola run straight across.
+        Trees of all lines stand in one grid, so that the wires of the pergola run straight across:
+        at FIRST_TREE, and each TREE_PITCH east and west of it. The first tree of a line stands at
+        least 1 m east of its west end, as in a usual row. The last one stands at least LAST_TREE
+        before its east end.
         """
         first = ceil((self.west - ROW_WEST) / TREE_PITCH - PART_OF_PITCH)
         last = int((self.east - LAST_TREE - FIRST_TREE) / TREE_PITCH + PART_OF_PITCH)
@@ -132,11 +135,11 @@ def surveyed(survey: Survey, speeds: Mapping[int, float]) -> Rows:
     top = top_line(survey.rows[0].south - first)
     lanes = []
     for number, row in enumerate(survey.rows, start=1):
-        # The last line north of the row, and the first line south of it.
-        north = top - (souths_of_lines[number - 1][-1] - first)
-        south = top - (souths_of_lines[number][0] - first)
+        # y of the last line north of the row, and of the first line south of it.
+        y_north = top - (souths_of_lines[number - 1][-1] - first)
+        y_south = top - (souths_of_lines[number][0] - first)
         y = top - (row.south - first)
-        lanes.append(_lane(number, row, speeds[number], y, min(north - y, y - south)))
+        lanes.append(_lane(number, row, speeds[number], y, min(y_north - y, y - y_south)))
     lines = []
     for i, souths_in_gap in enumerate(souths_of_lines):
         # The gap before the first row and the one after the last row have one lane beside them, all

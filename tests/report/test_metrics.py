@@ -81,7 +81,9 @@ def test_an_agent_that_is_silent_at_times_makes_no_progress():
 
 @pytest.mark.parametrize(("rows", "jams"), [(20, True), (100, False)])
 def test_a_drive_home_of_more_than_ten_minutes_is_no_jam(rows, jams):
-    """Past 100 rows of 5.5 m a drive takes longer than 600 s, in which nothing else may happen."""
+    """Robots that do nothing for 600 s jam. But a drive along 100 rows, 5.5 m apart, takes as
+    long.
+    """
     world = Stage(empty_orchard(rows=rows)).world
     world.tick = 6000
     assert HarvestFigures().jammed(world) == jams
@@ -188,8 +190,9 @@ def test_an_unhindered_carrier_takes_its_closed_form_time():
         return memory is not None and memory.job is not None
 
     def is_home() -> bool:
+        """Whether the carrier is at the head of its line of the queue, north of all rows."""
         x, y, _ = stage.pose("carrier_01")
-        return abs(x - 35.4) < 1e-6 and y > 24
+        return abs(x - stage.world.layout.queue.head) < 1e-6 and y > 24
 
     # The first bin calls when it is full, after 70 m at 1 m/s. `cycle_seconds` is a mean of all
     # rows, and the first row is up to 20 s off it.
@@ -210,13 +213,13 @@ def test_a_harvest_takes_as_long_as_its_schedule_and_its_traffic(pickers, carrie
     assert scheduled <= stage.seconds <= (1 + traffic) * scheduled
 
 
-# What differs from 4 rows, 2 pickers and 2 carriers, and by which share traffic may make the
-# harvest longer than its schedule.
 FAILS = {"picking_speed": 0.5, "picking": {"failure": {"mean_between": 60.0, "mean_repair": 300.0}}}
 FROM_THE_EAST = {"rows_to_pickers": "balanced-ends", "dispatch": NEAREST}
 VARIED = {"picking_speed": 0.2, "picking": {"spread": {"distribution": "lognormal", "cv": 0.2}}}
 
 
+# What differs from 4 rows, 2 pickers and 2 carriers, and by which share traffic may make the
+# harvest longer than its schedule.
 SCHEDULES = [
     ({"row_length": 20.0, **FROM_THE_EAST}, 0.1),
     ({"row_length": 200.0, **FROM_THE_EAST}, 0.1),
@@ -269,7 +272,10 @@ RTK = {"sensors": {"gnss": {"white": 0.01, "bias": 0.02}}}
     ],
 )
 def test_what_a_harvest_lost_adds_up_to_its_length(changes):
-    """A harvest of 700 s is longer than any ideal of this orchard."""
+    """A harvest of 700 s is longer than any ideal of this orchard.
+
+    The part of people and animals is the rest. So it has what errors of sensors cost, too.
+    """
     scenario = empty_orchard(rows=4, pickers=2, carriers=2, **changes)
     seconds = 700.0
     lost = lost_seconds(lay_out(scenario), seconds)
@@ -281,7 +287,9 @@ def test_what_a_harvest_lost_adds_up_to_its_length(changes):
 
 
 def test_no_schedule_is_shorter_than_what_is_proven():
-    """Here the policy is as good as what is proven, so nothing was lost to it."""
+    """On free roads robots pass through each other, so a schedule may come out shorter than what is
+    proven. Then what is proven counts, and nothing is lost to the policy.
+    """
     lost = lost_seconds(
         lay_out(
             empty_orchard(rows=5, bins_per_row=2, carriers=5, route="two-way", dispatch="rolling")

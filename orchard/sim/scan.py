@@ -71,9 +71,11 @@ class Scanner:
 def _constants(world: World, lasers: list[Laser], begin: np.ndarray) -> dict[str, object]:
     """Return the arguments of `cast_all` that stay the same during a run, by name."""
     fixed = world.fixed
+    # `cast_all` writes in it where the bodies are.
     bodies = fixed.shapes.copy()
     largest_radius = float(bodies[:, RADIUS].max(initial=0.0))
-    frame = frame_of(fixed.walls, LASER_RANGE + largest_radius)
+    # In such cells all bodies that a laser can reach are in its own cell and those beside it.
+    frame = frame_of(fixed.walls, cell=LASER_RANGE + largest_radius)
     cells, cell_begin, cell_members = space_for(len(bodies), frame)
     front_beams, front_table = _fan(_FORWARD)
     round_beams, round_table = _fan(AROUND)
@@ -105,11 +107,11 @@ def _digest(name: str) -> bytes:
 
 @cache
 def _fan(laser: Laser) -> tuple[np.ndarray, np.ndarray]:
-    """Return the beams of a laser, as the fields of `Fan` need them.
+    """Return the beams of a laser, for the fields of `Fan` in orchard/sim/kernels/laser.py.
 
     They are cosines and sines, (2, beams), and the fractional beam index at each step of the
-    diamond, (4 STEPS + 2,). The diamond is explained in orchard/sim/kernels/laser.py: an angle on
-    it goes from 0 to 4, a quarter turn being 1.
+    diamond, (4 STEPS + 2,). The diamond is explained there: an angle on it goes from 0 to 4, a
+    quarter turn being 1. It is 0 at beam 0.
     """
     cosines_and_sines = []
     for k in range(laser.beams):

@@ -139,6 +139,7 @@ def imported_by(path: Path) -> list[str]:
 
 
 def test_each_compiled_constant_counts_for_the_kept_code() -> None:
+    """The kernel's own files all count, so their constants are not looked for."""
     counted = {module.__name__ for module in compiled.CONSTANTS_OF}
     for path in Path(machine.__file__).parent.glob("*.py"):
         for name in imported_by(path):
@@ -153,6 +154,7 @@ def test_each_constant_of_a_batch_counts_for_its_kept_code() -> None:
     sources.remove(Path(str(batch_compiled.__file__)))
     compiled_files = [path for path in sources if "@inner" in path.read_text()]
     assert compiled_files
+    # The only module outside of the two packages with functions that a batch compiles.
     compiled_files.append(Path(str(counted["orchard.event_model.bystanders"].__file__)))
     for path in compiled_files:
         for name in imported_by(path):
@@ -164,10 +166,13 @@ def test_each_constant_of_a_batch_counts_for_its_kept_code() -> None:
 
 
 def test_a_carrier_behind_one_that_is_called_stands_too() -> None:
-    """`is_free`: whether a carrier can still be called."""
+    """A called carrier stands for two ticks, to ask its bin. So the one behind it stands, too.
+
+    If it drove on, it would come to its place early, and be called another time. In the simulator
+    all ten have been sent by tick 100. `is_free`: whether a carrier can still be called.
+    """
     values = NOBODY | {"rows": 10, "pickers": 10, "carriers": 10, "dispatch": "predictive"}
     harvest = EventHarvest(lay_out(Scenario(**values)))
-    # In the simulator all ten have been sent by tick 100.
     harvest.advance(100)
     assert not harvest.model.robots.is_free.any()
 

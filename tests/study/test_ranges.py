@@ -116,7 +116,7 @@ def test_open_carriers_are_tried_for_each_circumstance(tmp_path):
 def test_a_policy_that_leaves_pickers_out_is_not_the_best(tmp_path):
     """With two carriers for six pickers `assignment` never serves some of them, in the long run.
 
-    The rate of the others would be too good.
+    The rate of the others would be too good. People vary too, so that two settings jam.
     """
     varied: dict[str, list] = {
         "dispatch": ["assignment", "predictive"],
@@ -143,9 +143,11 @@ def test_a_policy_that_leaves_pickers_out_is_not_the_best(tmp_path):
     assert inline_svg(told)
 
 
-def test_the_last_number_of_carriers_is_never_called_the_best(tmp_path):
-    """Three pickers have one or two carriers, and three may be better. In another orchard the last
-    number is the most for which there is room: so there is none beyond it.
+def test_the_last_number_of_carriers_is_told_as_a_bound(tmp_path):
+    """Three pickers have one or two carriers, and three may be better: the answer is "at least 2".
+
+    In another orchard the last number is the most for which there is room: so there is none beyond
+    it.
     """
     told = study(
         Scenario(rows=6, pickers=3, **QUIET),
@@ -159,7 +161,7 @@ def test_the_last_number_of_carriers_is_never_called_the_best(tmp_path):
     last = study(
         full, {"carriers": [1, most]}, replace(AMPLE, horizon="long", store=tmp_path / "s.db")
     )
-    assert last.beyond == {}
+    assert (last.best, last.beyond) == ({"carriers": most}, {})
 
 
 @pytest.mark.parametrize(
@@ -203,7 +205,9 @@ def test_an_orchard_without_room_for_more_carriers_says_so(tmp_path):
     )
 
 
-# The answer so far, the numbers that were tried, and those to try next, of at most 40.
+# The answer so far, the numbers that were tried, and those to try next, of at most 40. First a gap
+# below the answer is halved. Else come its neighbour above, and numbers up to 1.5 times the answer
+# in steps of a quarter of it, unless the range reaches so far already.
 NUMBERS = [
     (3, [1, 2, 3], [4, 5]),
     (8, [4, 5, 6, 7, 8], [9, 10, 12]),
@@ -213,6 +217,6 @@ NUMBERS = [
 
 
 @pytest.mark.parametrize(("answer", "tried", "more"), NUMBERS)
-def test_a_range_widens_until_the_answer_is_inside(answer, tried, more):
+def test_a_range_grows_until_neighbours_of_the_answer_are_in(answer, tried, more):
     assert more_numbers(tried, answer, 40) == more
     assert more_numbers(tried, answer, 4) == [number for number in more if number <= 4]

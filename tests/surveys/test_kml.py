@@ -14,15 +14,15 @@ pytest.importorskip("pyproj", reason="pyproj is missing: pip install 'orchard-si
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>'
 
 
-def line(number: int, west: float = 0.0) -> str:
+def line(number: int, east: float = 0.0) -> str:
     """Return the line of a row of 97 m, 6 m south of the one with the number before.
 
-    `west`: how much further east it begins, degrees of longitude. Its third coordinate, 12 m, is a
+    `east`: how much further east it begins, degrees of longitude. Its third coordinate, 12 m, is a
     height.
     """
     north = -37.79 - 0.000054 * number
-    begin = f"{176.325 + west},{north},12"
-    points = f" {begin} {176.3261 + west},{north},12 "
+    begin = f"{176.325 + east},{north},12"
+    points = f" {begin} {176.3261 + east},{north},12 "
     return f"<LineString><coordinates>{points}</coordinates></LineString>"
 
 

@@ -1,7 +1,8 @@
 """Folders of tables: what is refused there, and what is kept.
 
-While a run goes on, a table is a folder, NAME.parquet, with files of rows; at the end it becomes a
-file, if it is not too large. `run` and `tick` let a run write its tables (tests/support).
+A table that grows with a run (bodies, events, messages) is a folder, NAME.parquet, with numbered
+files of rows. The others (calls, exchanges, summary) are a file each. `run` and `tick` let a run
+write its tables (tests/support).
 """
 
 import errno

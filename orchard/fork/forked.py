@@ -38,6 +38,8 @@ def forked(snapshot: Snapshot, changes: Mapping[str, Any], stop: Sequence[str] =
     layout = changed_layout(old_layout, changes)
     # What cannot be made is a mistake of the changes, and not of the snapshot.
     make_agents(layout)
+    # With fewer carriers those with the last names are lacking. A carrier that must stay, because
+    # it works, swaps its name with one that goes (orchard/fork/names.py).
     swapped = swapped_names(before, snapshot, layout)
     with fitting(snapshot):
         places = places_in_queue(old_layout, layout, snapshot.memories, swapped)
@@ -50,7 +52,9 @@ def forked(snapshot: Snapshot, changes: Mapping[str, Any], stop: Sequence[str] =
     engine = Engine(world, snapshot.digest, figures)
     if stop:
         engine.stop(stop)
+    # The engine's part of the figures is what it is now, stops included. The rest stays.
     figures |= engine.figures_as_data()
+    # A new agent is one of this program, as those are that sessions have joined with.
     added = set(layout.agents).difference(old_layout.agents)
     owned = [name for name in layout.agents if name in snapshot.owned or name in added]
     return Snapshot(

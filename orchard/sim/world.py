@@ -92,7 +92,7 @@ class Space(NamedTuple):
 
 
 def _space_of(fixed: Fixed) -> Space:
-    """Return the space for a step. What is in it does not matter."""
+    """Return the space for a step. What is in it does not matter, but for the sizes in `boxes`."""
     n = len(fixed.shapes)
     pickers = len(fixed.pickers)
     cells, cell_begin, cell_members = space_for(n, fixed.body_frame)

@@ -94,12 +94,13 @@ def _break_even(key: str, less: KnownSetting, more: KnownSetting, confidence: fl
     """
     added = more.number(key) - less.number(key)
     prices = []
-    # By seed. A bin may cost what is paid for the added robots now, and what it costs less with
-    # them. Times the bins an hour that is for an hour, and then for one of these robots.
-    for before, after in zip(less.records, more.records, strict=False):
-        saved_per_bin = less.cost(before) - more.cost(after)
-        paid_per_bin = more.paid_for_robots(key, after) * added / more.number(key)
-        prices.append((paid_per_bin + saved_per_bin) * after.bins_per_hour / added)
+    # Records are paired by seeds; one setting may have more of them. For each bin the added robots
+    # may cost what is paid for them now, and what a bin costs less with them. Times the bins an
+    # hour that is the price of an hour of all of them, and divided by their number of one of them.
+    for with_fewer, with_more in zip(less.records, more.records, strict=False):
+        saved_per_bin = less.cost(with_fewer) - more.cost(with_more)
+        paid_per_bin = more.paid_for_robots(key, with_more) * added / more.number(key)
+        prices.append((paid_per_bin + saved_per_bin) * with_more.bins_per_hour / added)
     per_hour = interval(prices, confidence)
     bought = more.working_life(key)
     return BreakEven(

@@ -150,6 +150,7 @@ class _Processes(ProcessPoolExecutor):
             pthread_sigmask(SIG_SETMASK, before)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
+        """Let the processes end. Little is left to cancel: see `_done`."""
         self._alive.close()
         super().shutdown(wait, cancel_futures=cancel_futures)
 

@@ -23,7 +23,7 @@ from orchard.dispatch.ranking import Nearest
 from orchard.field.geometry import Twist
 from orchard.field.layout import lay_out
 from orchard.field.rows import balanced, rows_to_pickers
-from orchard.launch.supervisor import MOST_LINES as UNNAMED
+from orchard.launch.supervisor import MOST_LINES as MOST_LINES_OF_C_CODE
 from orchard.processes.agents import made
 
 # C's `fegetenv` gives the floating-point environment of an x86-64 as eight 32-bit words. The last
@@ -164,7 +164,7 @@ def test_what_an_own_agent_sets_changes_no_hash(set_it, monkeypatch):
 
 def test_what_the_users_own_program_sets_changes_no_hash():
     plain = local_hash(SMALL, 40)
-    # It divides by zero, and its results were kept.
+    # `spans` divides by zero, and keeps its results.
     spans.cache_clear()
     with np.errstate(all="raise"):
         assert local_hash(SMALL, 40) == plain
@@ -190,8 +190,10 @@ def test_an_agent_that_prints_and_leaves_a_thread_is_contained(mode, tmp_path):
         "run.py", path, "--mode", mode, "--duration", 1, "--record", "none", PYTHONPATH=PATH
     )
     output = done.stdout + done.stderr
+    # `Printed` leaves out what Python prints beyond its limit, and the supervisor what C code
+    # writes.
     assert output.count(": Injected?[2J") < MOST_LINES
-    assert 0 < output.count("Written Injected?[2J") <= UNNAMED
+    assert 0 < output.count("Written Injected?[2J") <= MOST_LINES_OF_C_CODE
     assert re.search(r"printed, in .*own_agents\.py, line \d+: Injected", output)
     assert "own classes have left threads that still run: Thread-" in output
     assert all(line.isprintable() for line in output.split("\n"))

@@ -68,7 +68,7 @@ def a_result(
 
     `best`: the setting of the best row, None if no row is best. `ties`: settings as good as that.
     Rows of `undecided` settings, which is one of the changes, get the standing `unknown`. All other
-    rows keep theirs. The best row gets a small lead, unless it has one of its own.
+    rows keep theirs. The best row is put near the best mean, unless it says how far it is off.
     """
     varied: dict[str, list[Any]] = {}
     for row in table:

@@ -38,7 +38,7 @@ def test_no_name_on_the_plan_covers_another(size: dict, named: int, tmp_path: Pa
     ((_, labels),) = Rows(path, "/plan/names").values("Points3D:labels")
     scale = points_to_metres(layout)
     assert len(labels) == len(points) == named
-    # A name hangs DROP points below its pin. m, (names, 2).
+    # Rerun writes a name DROP points below its point. m, (names, 2).
     middles = np.array(points)[:, :2] - (0.0, DROP * scale)
     # The size of a name such as P01 as Rerun writes it, 28 points by 22, in m.
     wide = 28.0 * scale
@@ -66,7 +66,10 @@ def test_no_number_of_a_row_covers_another(rows: int, numbered: int, tmp_path: P
     assert min(-np.diff(places)) > 22.0 * points_to_metres(layout)
 
 
-def test_a_name_stands_below_its_pin_and_stays_there(layout: Layout, tmp_path: Path) -> None:
+def test_a_name_stands_beside_its_robot(layout: Layout, tmp_path: Path) -> None:
+    """Nothing else is near this robot, so its name need not move away: 2 m are the length of a
+    picker.
+    """
     poses = starts(layout)
     i = layout.index["picker_01"]
     poses[i, :2] = 0.0, layout.bottom + 10.0
@@ -118,6 +121,9 @@ def test_the_camera_is_near_a_robot_at_any_time(layout: Layout, recording: Path)
 
 @pytest.mark.parametrize("rows", [5, 20])
 def test_a_page_gets_spaces_and_the_plan_alone_work_first(rows: int) -> None:
+    """A page in a browser has two parts: 3D spaces, of which the one of work comes first, and the
+    plan. Figures are on the page itself.
+    """
     spaces, plan = for_page(lay_out(Scenario(rows=rows))).root_container.contents
     assert spaces.contents[0].name == "At work"
     assert plan.name == "Plan"

@@ -129,6 +129,7 @@ def test_each_key_of_a_run_stands_in_keyspace_with_its_sender(fleet, used, mode)
     table = list(rows())
     wrong = []
     for how, key, process in sorted(used):
+        # A key with a wildcard may stand for keys of any row.
         fitting = [row for row in table if "*" in key or row.fits(key)]
         is_used = any(how in row.means for row in fitting)
         is_named = any(word in row.sender for row in fitting for word in WORDS[process])
@@ -151,7 +152,7 @@ def test_the_reply_to_layout_has_the_rows_of_each_picker():
 
 
 def test_an_exchange_has_the_order_that_keyspace_tells():
-    """At each end of each row: `here`, couple, `claim` beside the carrier, and then `yes`."""
+    """Where a row ends: `here`, couple, `claim` beside the carrier, and then `yes`."""
     local = Local(SMALL)
     steps: list[tuple[str, str]] = []
     exchanged = 0
@@ -161,6 +162,7 @@ def test_an_exchange_has_the_order_that_keyspace_tells():
         tick = local.engine.tick - 1
         assert tick < 9000, "the harvest does not go on"
         for name, action in sorted(local.actions.items()):
+            # An agent that was not asked in this tick keeps its last action, whose deeds are done.
             if name.startswith("picker") and name in local.answers:
                 couples = [deed for deed in action.deeds if isinstance(deed, Couple)]
                 steps += [("couple", name)] * len(couples)

@@ -43,8 +43,9 @@ ANYWHERE = 1e9
 # the edge of that part keeps the picking speed.
 _FRONTIER = 1e-9
 
-# Columns of `Rows.picked`. The code counts on their order: `1 - end` is the other end, and
-# `_INSIDE_WEST + end` the column of the part inside that belongs to an end.
+# Columns of `Rows.picked`. The code counts on their order: for an end, _WEST or _EAST, `1 - end` is
+# the other end, `_INSIDE_WEST + end` the column of the part inside that belongs to the end, and
+# `_INSIDE_WEST + 1 - end` that of the part inside that belongs to the other end.
 _WEST, _EAST, _INSIDE_WEST, _INSIDE_EAST = range(4)
 
 
@@ -115,8 +116,10 @@ def advance(
 ):  # fmt: skip
     """Do one time step of all bodies: limit the wanted twists, (n, 3), move the bodies, and pick.
 
-    It is one kernel, because each call of a kernel costs time. `boxes`, `cells`, `cell_...`,
-    `before` and `full` are space to work in. `move_all` and `pick` write `met` and `picked_from`.
+    It is one kernel, because each call of a kernel costs time. `boxes` begins as a copy of
+    `shapes`, and gets the poses of all bodies in each step. `cells`, `cell_...`, `before` and
+    `full` are space to work in. `pick_from`, (n,): x from which on a picker picks, or ANYWHERE.
+    `move_all` and `pick` write `met` and `picked_from`.
     Return whether anything happened of which there may be an event: a collision began, a row is
     picked, a bin is full.
     """
@@ -496,11 +499,17 @@ def _begin_inside(r, from_west, rows):
 
 @inlined
 def _pick_row(r, end, done, a_bin, rows, fill):
-    """Pick a row up to `done` m from an end, _WEST or _EAST, into a bin. Return whether it grew.
+    """Pick a row up to `done` m from an end, _WEST or _EAST, into a bin. Return whether the bin got
+    more.
 
-    It does if that continues the part that is picked from there: the part inside, if there is one.
-    The last FULL_WITHIN m that a row or a bin would lack are picked too, so each metre picked is in
-    a bin.
+    It gets more if the picker continues a part that is picked: the part inside, if there is one,
+    else that from the end. The last FULL_WITHIN m that a row or a bin would lack are picked too, so
+    each metre picked is in a bin.
+
+    An example: a row of 70 m is picked from the west up to 20 m, and inside from 40 to 60 m. Then
+    `picked` is (20, 0, 60, 30). A picker that comes from the west at 60 m continues the part
+    inside. At 70 m this has come to the east end, and is the part that is picked from there:
+    `picked` is (20, 30, 0, 0).
     """
     picked = rows.picked[r]
     share = rows.share[r]
@@ -523,7 +532,7 @@ def _pick_row(r, end, done, a_bin, rows, fill):
     has_come_to_the_edge = part >= _INSIDE_WEST and picked[part] == ripe
     if has_come_to_the_edge:
         # The part inside and that from the other end are one from now on.
-        picked[1 - end] = picked[3 - end]
+        picked[1 - end] = picked[_INSIDE_WEST + 1 - end]
         picked[_INSIDE_WEST:] = 0.0
     fill[a_bin] = _or_full(fill[a_bin] + grows * share, rows.full, FULL_WITHIN * share)
     return True

@@ -16,7 +16,6 @@ from orchard.app.draft import Draft
 from orchard.app.elements import mark_wrong, note
 from orchard.app.entries import MEASURES, Entry
 from orchard.app.typed_numbers import number_of, shown
-from orchard.app.typed_times import breaks_shown
 
 # Significant digits of a number that the program works out.
 FIGURES = 4
@@ -122,8 +121,8 @@ class Control:
             self._value.set_value(value is True)
         elif entry.kind in (int, float):
             self._value.set_value("" if value is None else shown(entry.to_page(value)))
-        elif entry.kind is tuple:
-            self._value.set_value(breaks_shown(value))
+        elif entry.kind in (tuple, dict):
+            self._value.set_value(entry.as_typed(value))
         else:
             self._value.set_value(value or "")
 

@@ -60,8 +60,9 @@ class Draft:
 
     def take(self, scenario: Scenario) -> None:
         """Replace all that is entered by the values of a scenario, and take its own classes."""
-        # It has what is not entered on the page: the user's own classes and the survey.
-        self._base = scenario
+        # It has what is not entered on the page: the user's own classes and the survey. Maps of
+        # pickers are entered: a picker that goes from a field must not stay.
+        self._base = scenario.model_copy(update={"picker_rates": {}, "picker_absences": {}})
         self.values = flat(scenario)
         self._check()
 
@@ -205,9 +206,12 @@ class Draft:
         if is_of_survey:
             return f"{entry.label}: is as surveyed, and cannot be changed here"
         # A message about limits ends with the description of the value in brackets. The form shows
-        # the description already, so its own words for the limits are enough.
-        is_about_limits = problem.text.endswith(")")
-        text = entry.wanted if entry.wanted and is_about_limits else problem.text
+        # the description already, so its own words for the limits are enough. So they are in place
+        # of an example of a map or a list as a file has it.
+        text = problem.text
+        is_for_files = text.endswith(")") or "{" in text or "[" in text
+        if entry.wanted and is_for_files:
+            text = entry.wanted
         return f"{entry.label}: {_by_labels(text, paths)}"
 
     def _shown(self, path: str) -> str:

@@ -15,13 +15,14 @@ from pydantic.fields import FieldInfo
 
 from orchard.app.own_classes import AGENTS
 from orchard.app.typed_numbers import number_of, shown
+from orchard.app.typed_pickers import absences_of, pickers_shown, rates_of
 from orchard.app.typed_times import breaks_of, breaks_shown, time_of
 from orchard.field.scenario import Scenario
 from orchard.field.survey import row_width_of, spacing_of
 from orchard.study.words import none_words
 
 # These come from a file, and are not entered on the page.
-FROM_FILE = (*AGENTS, "survey", "picker_rates", "picker_absences")
+FROM_FILE = (*AGENTS, "survey")
 # Sections with names that belong to the labels of their values.
 NEEDED = ("laser", "odometry")
 # Labels of values for which the words of the file are too short for a reader of the page.
@@ -30,6 +31,9 @@ LABELS = {
     "crop.tonnes_per_hectare": "Yield",
     "crop.kilograms_per_bin": "Fruit in a bin",
     "picking_rate": "Bins an hour each",
+    "picker_rates": "How fast each is",
+    "picker_absences": "Who is away",
+    "rows_to_pickers": "Who picks which rows",
     "prices.picker_per_hour": "Price of a picker",
     "prices.carrier_per_hour": "Price of a carrier",
     "prices.overhead_per_hour": "Price of all else",
@@ -68,6 +72,12 @@ LABELS = {
     "prices.picker_per_bin": "Piece rate of a bin",
     "prices.picker_least_per_day": "Least a picker gets a day",
     "prices.carrier_per_day": "Rent of a carrier",
+    "prices.picker_bought.price": "Price of a robot picker",
+    "prices.picker_bought.years": "Years of a robot picker",
+    "prices.picker_bought.hours_per_year": "Hours a year of a robot picker",
+    "prices.carrier_bought.price": "Price of a bought carrier",
+    "prices.carrier_bought.years": "Years of a bought carrier",
+    "prices.carrier_bought.hours_per_year": "Hours a year of a bought carrier",
     "prices.overhead_per_day": "Price of all else a day",
     "load_out.truck.every": "Time between trucks",
     "load_out.truck.bins": "Bins on the truck",
@@ -88,17 +98,31 @@ UNITS = {
     "prices.picker_per_bin": "each",
     "prices.picker_least_per_day": "a day",
     "prices.carrier_per_day": "a day",
+    "prices.picker_bought.price": "each",
+    "prices.carrier_bought.price": "each",
     "prices.overhead_per_day": "a day",
     "shift.begin": "such as 7:00",
     "shift.end": "such as 16:30",
     "shift.breaks": "such as 12:00-12:45",
+    "picker_rates": "such as picker 1: 0.5",
+    "picker_absences": "such as picker 8: 0-4.5 h",
 }
 # What must be entered at a value that is no number, in words of the page.
 WANTED = {
     "shift.begin": "must be a time of day such as 7:00",
     "shift.end": "must be a time of day such as 16:30",
     "shift.breaks": "must be begin and end of each break, such as 10:00-10:15, 12:00-12:45",
+    "picker_rates": (
+        "must be pickers and their shares of the usual rate, 0.05 to 20, such as picker 1: 0.5;"
+        " picker 3: 120 %"
+    ),
+    "picker_absences": (
+        "must be pickers and the hours of work, 0 to 2000, between which each is away, one"
+        " absence after the other, such as picker 8: 0-4.5 h; picker 2: 17-25.5 h, 30-31 h"
+    ),
 }
+# What reads the text of a map of pickers.
+OF_PICKERS = {"picker_rates": rates_of, "picker_absences": absences_of}
 
 
 class Measure(NamedTuple):
@@ -124,8 +148,8 @@ class Entry:
     """A value that a user can set.
 
     `path`: dotted path in the scenario file. `words`: its description, with the unit. `kind`: int,
-    float, bool, str, or tuple for pairs of times; a str is one of `choices`, or a class of the
-    user's that a file names; without choices it is a time of day.
+    float, bool, str, tuple for pairs of times, or dict for a map of pickers; a str is one of
+    `choices`, or a class of the user's that a file names; without choices it is a time of day.
     `optional`: whether None is allowed, with which the program chooses the value. `low`, `high`:
     limits, both included, in the measure of the page.
     """
@@ -231,6 +255,8 @@ class Entry:
             return self._whole(entered)
         if self.kind is tuple:
             return breaks_of(entered)
+        if self.path in OF_PICKERS:
+            return OF_PICKERS[self.path](entered)
         if self.is_time:
             return time_of(entered)
         return self._whole(number_of(entered))
@@ -240,6 +266,18 @@ class Entry:
         if self.kind is int and isinstance(number, float) and number.is_integer():
             return int(number)
         return number
+
+    def as_typed(self, value: Any) -> str:
+        """Return a value of the scenario as a user types it, in its measure; a text as it is."""
+        if isinstance(value, str):
+            return value
+        if self.kind is tuple:
+            return breaks_shown(value)
+        if self.kind is dict:
+            return pickers_shown(value)
+        if isinstance(value, bool):
+            return str(value).lower()
+        return shown(value)
 
     def to_page(self, value: Any) -> Any:
         """Return a value of the scenario in the measure of the page. What is no number stays."""
@@ -298,7 +336,7 @@ def _section_of(field: FieldInfo) -> type[BaseModel] | None:
 def _entry_of(path: str, field: FieldInfo) -> Entry:
     """Return the entry for a value of the scenario."""
     kinds = _kinds_of(field)
-    is_list = get_origin(field.annotation) is tuple
+    container = get_origin(field.annotation)
     # pydantic keeps limits as objects of the classes Ge (greater or equal) and Le.
     limits = {type(limit).__name__: limit for limit in field.metadata}
     low = limits["Ge"].ge if "Ge" in limits else -inf
@@ -312,7 +350,7 @@ def _entry_of(path: str, field: FieldInfo) -> Entry:
     return Entry(
         path=path,
         words=words,
-        kind=tuple if is_list else kinds[0],
+        kind=container if container in (tuple, dict) else kinds[0],
         optional=type(None) in kinds,
         low=low,
         high=high,
@@ -330,8 +368,8 @@ def words_of(path: str, value: Any) -> str:
     """Return a value of an entry as words for a person."""
     if value is None:
         return entries()[path].none
-    if isinstance(value, list | tuple):
-        return breaks_shown(value) or "none"
+    if isinstance(value, list | tuple | dict):
+        return entries()[path].as_typed(value) or "none"
     if isinstance(value, str):
         return value
     if isinstance(value, bool):

@@ -42,9 +42,31 @@ GROUPS = {
         "prices.overhead_per_day",
     ),
 }
-# Groups that are folded away.
+# Groups that are folded away: what not every grower has to say.
+CREW_AND_HAUL = {
+    "The crew": ("picker_rates", "picker_absences", "rows_to_pickers"),
+    "From the bay on": (
+        "load_out.metres",
+        "load_out.speed",
+        "load_out.seconds",
+        "load_out.seconds_away",
+        "load_out.trailers.count",
+        "load_out.trailers.bins",
+        "load_out.truck.every",
+        "load_out.truck.bins",
+        "load_out.empty_bins",
+    ),
+    "Machines that are bought": (
+        "prices.picker_bought.price",
+        "prices.picker_bought.years",
+        "prices.picker_bought.hours_per_year",
+        "prices.carrier_bought.price",
+        "prices.carrier_bought.years",
+        "prices.carrier_bought.hours_per_year",
+    ),
+}
 FOR_EXPERTS = {
-    "Robots": ("rows_to_pickers", "route", "order_in_row", "seed"),
+    "Robots": ("route", "order_in_row", "seed"),
     "Bins and picking speed": ("bins_per_row", "metres_per_bin", "picking_speed"),
     "Picking": (
         "picking.driving_speed",
@@ -66,15 +88,6 @@ FOR_EXPERTS = {
         "handling.exchange",
         "handling.unloading",
         "bays",
-        "load_out.metres",
-        "load_out.speed",
-        "load_out.seconds",
-        "load_out.seconds_away",
-        "load_out.trailers.count",
-        "load_out.trailers.bins",
-        "load_out.truck.every",
-        "load_out.truck.bins",
-        "load_out.empty_bins",
         "carrying.failure.mean_between",
         "carrying.failure.mean_repair",
         "chargers",
@@ -94,6 +107,7 @@ FOR_EXPERTS = {
         "sensors.odometry.heading",
     ),
 }
+_OF_CREW_AND_HAUL = set[str]().union(*CREW_AND_HAUL.values())
 # What is seen while the part for experts is folded away.
 _ALWAYS_SEEN = {*AGENTS}.union(*GROUPS.values())
 
@@ -101,7 +115,7 @@ _ALWAYS_SEEN = {*AGENTS}.union(*GROUPS.values())
 class Form:
     """All controls of a draft, and the user's own classes, if there are any.
 
-    The controls for experts are folded away.
+    The controls of crew and haul, and those for experts, are folded away.
     """
 
     def __init__(self, draft: Draft) -> None:
@@ -114,6 +128,12 @@ class Form:
         with self._boxes[ROWS]:
             self._conversion = ui.label().classes("conversion")
             self._conversion.props("data-view=conversion role=status")
+        with (
+            ui.expansion("Crew, haul, machines that are bought")
+            .classes("experts")
+            .props("data-view=crew") as self._crew
+        ):
+            self._add(CREW_AND_HAUL)
         with (
             ui.expansion("For experts")
             .classes("experts")
@@ -154,7 +174,10 @@ class Form:
         self._mark_differences(running)
         if draft.scenario is not None:
             self._show_chosen(draft.scenario)
-        if not _ALWAYS_SEEN.issuperset(draft.problems):
+        folded_away = set(draft.problems) - _ALWAYS_SEEN
+        if folded_away & _OF_CREW_AND_HAUL:
+            self._crew.open()
+        if folded_away - _OF_CREW_AND_HAUL:
             self._experts.open()
         self._follow_classes()
 

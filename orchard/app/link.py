@@ -7,8 +7,6 @@ from urllib.parse import urlencode
 
 from orchard.app.draft import Draft
 from orchard.app.entries import entries, flat
-from orchard.app.typed_numbers import shown
-from orchard.app.typed_times import breaks_shown
 from orchard.field.problems import printable
 from orchard.field.scenario import Scenario
 
@@ -28,19 +26,8 @@ def query_of(scenario: Scenario) -> str:
     changed: dict[str, str] = {}
     for path, value in flat(scenario).items():
         if value != default[path] and path not in scenario.own_classes:
-            changed[path] = _text_of(value)
+            changed[path] = entries()[path].as_typed(value)
     return urlencode(changed)
-
-
-def _text_of(value: Any) -> str:
-    """Return a value as it stands in a link."""
-    if isinstance(value, str):
-        return value
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, tuple):
-        return breaks_shown(value)
-    return shown(value)
 
 
 def draft_of(query: Iterable[tuple[str, str]]) -> tuple[Draft | None, list[str]]:

@@ -111,7 +111,7 @@ class Browser:
         begun = time.monotonic()
         while not self._has_default_soon():
             assert time.monotonic() - begun < PATIENCE, "the default orchard is not shown"
-        for view in ("experts", "how"):
+        for view in ("crew", "experts", "how"):
             self.unfold(view)
 
     def _has_default_soon(self) -> bool:

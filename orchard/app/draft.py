@@ -6,6 +6,7 @@ and rules of the user's own code, which a scenario file may name.
 
 import re
 from collections.abc import Mapping, Sequence
+from copy import copy
 from typing import Any
 
 from orchard.app.entries import MEASURES, entries, flat, label_of, words_of
@@ -124,6 +125,16 @@ class Draft:
             update={path: getattr(default, path) for path in (*AGENTS, *CHOICES)}
         )
         self._check()
+
+    def problems_with(self, values: dict[str, Any]) -> dict[str, str]:
+        """Return what is wrong if some values are others, without entering them: path -> message.
+
+        `values`: by path, as a scenario has them.
+        """
+        changed = copy(self)
+        changed.values = self.values | values
+        changed._check()
+        return changed.problems
 
     def _check(self) -> None:
         """Work out `scenario` and `problems` from the values."""

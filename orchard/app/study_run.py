@@ -6,6 +6,12 @@ from typing import Literal
 
 import msgspec
 
+from orchard.app.also_compared import (
+    COMPARED_LABEL,
+    compared_option,
+    problem_in,
+    problem_of_compared,
+)
 from orchard.app.command import Files, Latest, PageCommand
 from orchard.app.typed_numbers import number_of, number_problem, span, with_point
 from orchard.field.scenario import Scenario
@@ -19,9 +25,11 @@ DAYS = (1, MOST_DAYS)
 # What the fields are called.
 BUDGET_LABEL = "Time to take, s"
 DEADLINE_LABEL = "Done within"
-ONLY_FLEETS = "it compares people and carriers, and no policies or routes: leave these out"
+ONLY_FLEETS = "it compares people and carriers, and nothing else: leave these out"
 WHOLE_DAYS = f"must be a whole number of days from {span(DAYS)}"
 NO_DAY = "days need a working day: enter when work begins and ends, or ask by hours of work"
+HORIZON_LABEL = "Horizon"
+NO_FIRST_HOUR = "nobody is away in the long run, which has no first hour: choose one harvest"
 
 
 @dataclass(frozen=True)
@@ -31,6 +39,7 @@ class StudySettings:
     `dispatch`, `route`: the rules to compare; without any, the one of the scenario. `budget`: s of
     wall time. `deadline`: by when the harvest must be done, in `deadline_unit`: hours of work, or
     days; '' for no deadline. With a deadline the numbers of pickers and carriers are compared.
+    `compared`: the path of one more setting to compare, '' for none; `compared_values`: its values.
     """
 
     dispatch: tuple[str, ...] = ()
@@ -39,6 +48,8 @@ class StudySettings:
     budget: str = "300"
     deadline: str = ""
     deadline_unit: Literal["h", "d"] = "h"
+    compared: str = ""
+    compared_values: str = ""
 
     @property
     def has_deadline(self) -> bool:
@@ -51,6 +62,9 @@ class StudySettings:
         problem = number_problem(self.budget, BUDGET)
         if problem:
             return f"{BUDGET_LABEL}: {problem}"
+        problem = problem_of_compared(self.compared, self.compared_values)
+        if problem:
+            return f"{COMPARED_LABEL}: {problem}"
         if not self.has_deadline:
             return ""
         problem = self._problem_of_deadline()
@@ -62,11 +76,22 @@ class StudySettings:
         """Return what is wrong, by itself or with the scenario that is asked; '' if nothing is."""
         if self.has_deadline and self.deadline_unit == "d" and not scenario.shift.is_set:
             return f"{DEADLINE_LABEL}: {NO_DAY}"
-        return self.problem
+        if self.problem:
+            return self.problem
+        is_long = self.horizon == "long" and not self.has_deadline
+        if is_long and scenario.picker_absences:
+            return f"{HORIZON_LABEL}: {NO_FIRST_HOUR}"
+        if not self.compared:
+            return ""
+        problem = problem_in(scenario, self.compared, self.compared_values)
+        if not problem:
+            return ""
+        return f"{COMPARED_LABEL}: {problem}"
 
     def _problem_of_deadline(self) -> str:
         problem = self._problem_of_number()
-        if not problem and (self.dispatch or self.route):
+        has_other = self.dispatch or self.route or self.compared not in ("", "pickers")
+        if not problem and has_other:
             return ONLY_FLEETS
         return problem
 
@@ -82,8 +107,12 @@ def study_command(settings: StudySettings, files: Files) -> list[str]:
     """Return the command that a user would type for a study."""
     line = [sys.executable, "-u", "-P", "-m", "orchard", "study", str(files.scenario)]
     line += ["--vary", "carriers"]
+    if settings.compared:
+        line += compared_option(settings.compared, settings.compared_values)
+    elif settings.has_deadline:
+        line += ["--vary", "pickers"]
     if settings.has_deadline:
-        line += ["--vary", "pickers", *_deadline_option(settings)]
+        line += _deadline_option(settings)
     else:
         line += _rules_options(settings)
     line += ["--budget", f"{with_point(settings.budget)}s"]

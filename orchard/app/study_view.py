@@ -8,11 +8,18 @@ from typing import Any
 from nicegui import run, ui
 from nicegui.events import ValueChangeEventArguments
 
+from orchard.app.also_compared import COMPARED_LABEL, comparable
 from orchard.app.command import STATE_COLOURS
 from orchard.app.desks import Desk
 from orchard.app.elements import StartAndStop, button, heading, note, several, table
 from orchard.app.own_classes import CHOICES
-from orchard.app.study_run import BUDGET_LABEL, DEADLINE_LABEL, Studies, StudyRun
+from orchard.app.study_run import (
+    BUDGET_LABEL,
+    DEADLINE_LABEL,
+    HORIZON_LABEL,
+    Studies,
+    StudyRun,
+)
 from orchard.field.scenario import Scenario, check, with_changes
 from orchard.study.result import StudyResult
 from orchard.study.table import heads_and_lines, legend
@@ -76,7 +83,9 @@ class StudyView:
             self._table = ui.element("div").classes("summary sides").props("data-view=study-table")
             self._report = button("Save the report", self._download, "study-report", "download")
             # The buttons lock the fields, so these were made before them. Their place is here.
-            more = ui.expansion("Compare policies and routes, too").classes("experts")
+            more = ui.expansion("Compare more, such as people, trailers, policies, routes").classes(
+                "experts"
+            )
             self._fields.move(more.props("data-view=study-more"))
             with self._fields:
                 self._build_fields()
@@ -86,9 +95,10 @@ class StudyView:
     # -- the fields
 
     def _build_fields(self) -> None:
+        self._build_compared()
         self._choice("Dispatch policies", "dispatch")
         self._choice("Routes", "route")
-        with self._labelled("Horizon"):
+        with self._labelled(HORIZON_LABEL):
             self._horizon = ui.toggle(
                 HORIZONS,
                 value=self._settings.horizon,
@@ -105,6 +115,37 @@ class StudyView:
                 f' aria-label="{BUDGET_LABEL}"'
             )
             text.props("input-class=figure")
+
+    def _build_compared(self) -> None:
+        """Add the fields for one more setting to compare, and its values."""
+        with self._labelled(COMPARED_LABEL), ui.element("div").classes("field-body"):
+            setting = ui.select(
+                {"": "nothing", **comparable()},
+                value=self._settings.compared,
+                with_input=True,
+                on_change=self._compared_chosen,
+            )
+            setting.props(
+                "dense outlined options-dense data-field=study-compared"
+                f' aria-label="{COMPARED_LABEL}"'
+            )
+            text = ui.input(
+                value=self._settings.compared_values,
+                placeholder="such as 4-8",
+                on_change=self._compared_typed,
+            )
+            text.props(
+                "dense outlined autocomplete=off data-field=study-compared-values"
+                f' aria-label="{COMPARED_LABEL}: values" input-class=figure'
+            )
+
+    def _compared_chosen(self, event: ValueChangeEventArguments[Any]) -> None:
+        """Take which setting is compared, too."""
+        self._enter(compared=event.value or "")
+
+    def _compared_typed(self, event: ValueChangeEventArguments[Any]) -> None:
+        """Take the values of that setting."""
+        self._enter(compared_values=event.value or "")
 
     def _build_deadline(self) -> None:
         """Add the field for the time by which the harvest must be done."""

@@ -434,6 +434,7 @@ def test_a_deadline_is_entered_and_the_fleet_is_told(browser):
     page.fill("study-deadline", "1")
     page.wait_until(lambda: page.problem("study") == "", "a deadline")
     assert page.one("[data-action=study-start]").text.endswith("Which fleet?")
+    page.unfold("study-more")
     assert violations(page) == []
     page.press("study-start")
     wait_for_study(page, "finished")

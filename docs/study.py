@@ -326,41 +326,56 @@ between them. Prices and deadlines are asked of each block.
 
 ## Ten questions, and what answers them
 
+The page asks by the same command, so it gives the same answer. "Compare, too" stands there under
+"Compare more". Where it says "ask twice", change the field, and compare two answers by yourself.
+
 - Pickers and carriers at the least cost of a bin: set `prices`, and say
-  `--vary pickers=4..8 --vary carriers`.
+  `--vary pickers=4..8 --vary carriers`. On the page: prices, and "Compare, too": Pickers, 4-8.
 - The cheapest fleet that is done in 8 hours, or by Friday:
-  `--vary pickers --vary carriers --finish-within 8h`, or `--finish-by 5d`.
+  `--vary pickers --vary carriers --finish-within 8h`, or `--finish-by 5d`. On the page: "Done
+  within", hours of work or days.
 - A daily minimum, a piece rate, rent by the day, a machine bought:
-  [prices](#what-is-paid-for-what).
+  [prices](#what-is-paid-for-what). On the page: "Fleet and prices", "The day", and "Machines that
+  are bought".
 - One of eight people is ill: `--vary pickers=7,8`, or for some hours
   [`picker_absences`](#who-comes-late-or-is-ill). One is half as fast:
-  `--vary carriers --vary 'picker_rates={{}},{{"picker_01": 0.5}}'`.
+  `--vary carriers --vary 'picker_rates={{}},{{"picker_01": 0.5}}'`. On the page: "Compare, too":
+  Pickers, 7-8; "Who is away" (`picker 2: 0-8 h`) with the horizon "one harvest"; "How fast each is"
+  (`picker 1: 50 %`), ask twice.
 - Three hours of rain: `--vary carriers=3 --horizon harvest` and
   `--vary 'shift={{}},{{"breaks": [["10:00", "13:00"]]}}'`, with a `shift`. Breaks are not paid:
-  they cost something where one more day begins.
-- Three blocks a day with one fleet: [a farm](#several-blocks-one-fleet).
+  they cost something where one more day begins. On the page: "Breaks", one harvest, ask twice.
+- Three blocks a day with one fleet: [a farm](#several-blocks-one-fleet). Not on the page.
 - Tractors with trailers of three bins: `load_out: {{metres: 500, speed: 3, trailers: {{count: 2,
-  bins: 3}}}}`, and `--vary load_out.trailers.count=1..3`.
+  bins: 3}}}}`, and `--vary load_out.trailers.count=1..3`. On the page: "From the bay on", and
+  "Compare, too": Trailers at the bay, 1-3.
 - The day ends at 16:30, with breaks at 10 and 12: a `shift`, and `--finish-by 1d` or prices for a
-  day.
+  day. On the page: "The day", and "Done within" 1 days.
 - A truck for 12 bins every 40 minutes: `load_out: {{truck: {{every: 2400, bins: 12}},
-  empty_bins: 24}}`, and `--vary load_out.empty_bins=12,24`.
-- How sure is the answer: the `±` of each figure. What it hangs on: `--sensitivity`.
+  empty_bins: 24}}`, and `--vary load_out.empty_bins=12,24`. On the page: "From the bay on", and
+  "Compare, too": Empty bins at the bay, 12 and 24.
+- How sure is the answer: the `±` of each figure, on the page, too. What it hangs on:
+  `--sensitivity`, not on the page.
 - One more picker from noon, or one ill for a day: [`picker_absences`](#who-comes-late-or-is-ill),
   `--horizon harvest`. What that costs: the same with a `shift`, `prices` and
-  `--goal cost_per_bin`.
+  `--goal cost_per_bin`. On the page: "Who is away", one harvest; with prices it looks for the least
+  cost by itself.
 - Done in two days of 9 h with two breaks: a `shift`, and
-  `--vary pickers --vary carriers --finish-by 2d`.
+  `--vary pickers --vary carriers --finish-by 2d`. On the page: "The day", "Done within" 2 days.
 - A piece rate or wages: both lines of
-  `--vary 'prices={{"picker_per_hour": 30}},{{"picker_per_bin": 20}}'` show what a bin costs.
+  `--vary 'prices={{"picker_per_hour": 30}},{{"picker_per_bin": 20}}'` show what a bin costs. On the
+  page: "Price of a picker" or "Piece rate of a bin", ask twice.
 - Rows 4.5 m apart that are drawn as GeoJSON: `orchard layout import rows.geojson --out mine.yaml`
-  ([how](how-to.md#harvest-the-rows-of-a-real-orchard)), then `orchard study mine.yaml`.
+  ([how](how-to.md#harvest-the-rows-of-a-real-orchard)), then `orchard study mine.yaml`. On the
+  page: "Open" this file. Rows that are alike need none: "Spacing of rows" 4.5.
 - A haul of 600 m with one trailer or two: `load_out: {{metres: 600, speed: 4, trailers: {{count: 1,
-  bins: 6}}}}`, and `--vary load_out.trailers.count=1,2`.
+  bins: 6}}}}`, and `--vary load_out.trailers.count=1,2`. On the page: "From the bay on", and
+  "Compare, too": Trailers at the bay, 1 and 2.
 - Apples by hand, and a tractor: `crop`, `picking_rate: 0.56`, and the shipped `forklift` as an
-  example.
+  example. On the page: "Forklift" above, then "Yield", "Fruit in a bin", "Bins an hour each".
 - Bins that are 20 % heavier: `--vary crop.kilograms_per_bin=350,420`, and `picking_speed` in place
-  of `picking_rate`: a rate counts bins, so with heavier ones people would pick more fruit.
+  of `picking_rate`: a rate counts bins, so with heavier ones people would pick more fruit. On the
+  page: "Picking speed" (for experts), and "Compare, too": Fruit in a bin, 350 and 420.
 
 ## Many machines
 

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from orchard.field.problems import Problem, ScenarioError, key_text
+from orchard.field.queue import LONGEST_ROW
 from orchard.field.scenario import check
-from orchard.field.survey import FEWEST_ROWS, MOST_ROWS, TRUNK
+from orchard.field.survey import CLOSEST, FEWEST_ROWS, FURTHEST, MOST_ROWS, TRUNK
 from orchard.surveys.choosing import Chosen, blocks_of, chosen, listed
 from orchard.surveys.features import POINT, POLYGON, Feature
 from orchard.surveys.files import read_survey
@@ -26,6 +27,7 @@ from orchard.surveys.plane import Plane, on_a_plane, place_on_globe
 from orchard.surveys.rows import (
     SurveyedLine,
     TurnedLines,
+    drawn_twice,
     faults_of_lines,
     scenario_of,
     turned,
@@ -33,6 +35,9 @@ from orchard.surveys.rows import (
 from orchard.surveys.swapped import reason_to_swap, with_swapped
 from orchard.surveys.tree_lines import lanes_between, note_of_lines
 from orchard.surveys.trees import lines_of_trees
+
+# m. Rows of one farm lie nearer to each other.
+LARGEST_FARM = 10_000.0
 
 
 def import_survey(path: Path, options: ImportOptions = ImportOptions()) -> Imported:
@@ -59,10 +64,15 @@ def import_survey(path: Path, options: ImportOptions = ImportOptions()) -> Impor
         plane, on_ground = on_a_plane(in_order, system)
     except ValueError as error:
         raise ScenarioError([*problems, Problem(source.file, str(error))]) from None
-    rows, notes = _rows_of(on_ground, plane, selection, source)
+    # What was assumed of the file may be why its rows do not fit.
+    assumed = [Problem(source.file, note) for note in survey.notes]
+    try:
+        rows, notes = _rows_of(on_ground, plane, selection, source)
+    except ScenarioError as error:
+        raise ScenarioError([*error.problems, *assumed]) from None
     problems += _problems_of_rows(rows, in_order, source)
     if problems:
-        raise ScenarioError(problems)
+        raise ScenarioError([*problems, *assumed])
     latitude, longitude = place_on_globe(plane)
     return Imported(
         scenario_of(rows, plane, source.file),
@@ -182,6 +192,10 @@ def _problems_of_rows(
     rows: TurnedLines, features: Sequence[Feature], source: Source
 ) -> list[Problem]:
     """Return what is wrong with rows, and hints how the user gets an answer anyway."""
+    # Nothing else that is said of such rows would help.
+    misplaced = [*_far_away(rows.lines, source), *_doubles(rows.lines, features, source)]
+    if misplaced:
+        return misplaced
     count = len(rows.lines)
     problems = []
     if not FEWEST_ROWS <= count <= MOST_ROWS:
@@ -193,6 +207,45 @@ def _problems_of_rows(
             has_faults = True
     if has_faults or count > MOST_ROWS:
         problems += _hints(rows, features, source)
+    return problems
+
+
+def _far_away(lines: Sequence[SurveyedLine], source: Source) -> list[Problem]:
+    """Return that lines lie too far apart for one farm, if they do: one problem."""
+    if not lines:
+        return []
+    middles = [complex(line.points.mean()) for line in lines]
+    distances = [abs(place - middles[0]) for place in middles]
+    furthest = max(distances)
+    if furthest <= LARGEST_FARM:
+        return []
+    name = lines[distances.index(furthest)].id
+    text = (
+        f"lies {furthest / 1000.0:.0f} km from {lines[0].id}. If they are in two coordinate"
+        " systems, or zones, import the rows of each by themselves, each with its --crs; else"
+        " correct or remove what is wrong"
+    )
+    return [Problem(source.file, text, f"feature {name}")]
+
+
+def _doubles(
+    lines: Sequence[SurveyedLine], features: Sequence[Feature], source: Source
+) -> list[Problem]:
+    """Return which lines are drawn twice, and how the user leaves one of each out."""
+    # Name of a feature -> its place in the file.
+    places = {feature.name: number for number, feature in enumerate(features)}
+    problems = []
+    doubles = []
+    for pair in drawn_twice(lines):
+        first, second = sorted(pair, key=lambda name: places.get(name, 0))
+        problems.append(Problem(source.file, f"is drawn where {first} is", f"feature {second}"))
+        # The option leaves out all features of a name.
+        if first != second and second in places:
+            doubles.append(second)
+    if doubles:
+        without = (*source.options.without, *doubles)
+        hint = f"leave out one of each: {source.command(without=without)}"
+        problems.append(Problem(source.file, hint))
     return problems
 
 
@@ -237,19 +290,25 @@ def _equal_rows(lines: Sequence[SurveyedLine]) -> str:
     """
     # Along the rows: a line may come back to where it began.
     length = median([float(np.ptp(line.points.real)) for line in lines])
+    spacing = _usual_spacing(lines)
+    nearest_length = min(length, LONGEST_ROW)
+    nearest_spacing = min(max(spacing, CLOSEST), FURTHEST)
     values = {
         "rows": len(lines),
-        "row_length": round(length, 1),
-        "row_width": round(_usual_spacing(lines) - TRUNK, 2),
+        "row_length": round(nearest_length, 1),
+        "row_width": round(nearest_spacing - TRUNK, 2),
     }
     try:
         check(values, "")
     except ScenarioError:
         return ""
-    return (
+    text = (
         f"`rows: {values['rows']}`, `row_length: {values['row_length']:.1f}`, `row_width:"
         f" {values['row_width']:.2f}`"
     )
+    if nearest_length < length or nearest_spacing != spacing:
+        text += ", the nearest that can be, with the `bins_per_row` of your rows"
+    return text
 
 
 def _fits(source: Source, **changes: Any) -> bool:

@@ -14,6 +14,8 @@ from orchard.surveys.options import Source
 ZIP = b"PK\x03\x04"
 # Endings of the names of files of rows.
 OF_ROWS = (".shp", ".gpkg", ".kml", ".geojson", ".json", ".csv")
+# A file in every archive of Office Open XML: in XLSX and DOCX.
+OF_OFFICE = "[Content_Types].xml"
 # Bytes of a file of rows, with the files that belong to it, when they are unpacked.
 MOST_UNPACKED = 50_000_000
 
@@ -65,6 +67,8 @@ def _of_rows(archive: ZipFile, source: Source) -> ZipInfo:
         if path.suffix.lower() in OF_ROWS and not part.is_dir() and not is_hidden:
             members.append(part)
     if not members:
+        if OF_OFFICE in archive.namelist():
+            raise _fault(source, "is a file of an office program, such as XLSX; save it as CSV")
         wanted = ", ".join(OF_ROWS)
         raise _fault(source, f"is a zip archive without a file of rows; expected one of {wanted}")
     if len(members) > 1:

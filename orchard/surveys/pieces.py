@@ -22,6 +22,8 @@ IN_LINE = 1.0
 CLOSE = 10.0
 # Pieces of one row may overlap by so much, m.
 OVERLAP = 0.5
+# So many rows with one name: it tells nothing of a row, as that of a variety or of the block.
+NAMES_NOTHING = 3
 
 
 class _Piece(NamedTuple):
@@ -62,6 +64,7 @@ def joined(features: Sequence[Feature]) -> tuple[list[SurveyedLine], list[str]]:
     pieces = _pieces(lines, yaw)
     rows = sorted(_rows(pieces), key=lambda row: places[row[0].name])
     notes = _notes(rows)
+    rows, more = _numbered(rows)
     back = cmath.exp(1j * yaw)
     result = []
     for row in rows:
@@ -69,7 +72,27 @@ def joined(features: Sequence[Feature]) -> tuple[list[SurveyedLine], list[str]]:
         if len(row) > 1:
             points = np.concatenate([_eastward(piece.points) for piece in row])
         result.append(SurveyedLine(row[0].name, points * back))
-    return result, notes
+    return result, [*notes, *more]
+
+
+def _numbered(rows: list[list[_Piece]]) -> tuple[list[list[_Piece]], list[str]]:
+    """Return rows with numbers as names if all have the same name, and that this was done.
+
+    `rows`: the pieces of each row, in the rows' frame. The first number is in the north.
+    """
+    names = {row[0].name for row in rows}
+    if len(names) > 1 or len(rows) < NAMES_NOTHING:
+        return rows, []
+    result = []
+    for number, row in enumerate(sorted(rows, key=_north_of, reverse=True), start=1):
+        result.append([piece._replace(name=f"row {number}") for piece in row])
+    name = rows[0][0].name
+    return result, [f"all {len(rows)} rows are named {name}: here they are row 1, row 2 and so on"]
+
+
+def _north_of(row: Sequence[_Piece]) -> float:
+    """Return the y of the west end of a row, m."""
+    return float(_eastward(row[0].points)[0].imag)
 
 
 def _pieces(lines: Sequence[SurveyedLine], yaw: float) -> list[_Piece]:

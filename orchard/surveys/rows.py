@@ -9,6 +9,7 @@ number here: easting + i northing, or x + i y.
 import cmath
 import math
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from statistics import median
 from typing import Any, NamedTuple
 
@@ -114,6 +115,19 @@ def faults_of_lines(lines: Sequence[SurveyedLine]) -> Iterator[tuple[str, str]]:
     if not is_any_askew:
         for row, fault in faults_of(_rows(lines)):
             yield row.id, fault
+
+
+def drawn_twice(lines: Sequence[SurveyedLine]) -> Iterator[tuple[str, str]]:
+    """Yield the ids of two lines each that lie at the same place.
+
+    `lines`: in the rows' frame, from north to south.
+    """
+    for other, line in pairwise(lines):
+        ends = []
+        for points in (other.points, line.points):
+            ends.append((points.real.min(), points.real.max(), middle(points.imag)))
+        if np.abs(np.subtract(*ends)).max() <= STRAIGHT:
+            yield line.id, other.id
 
 
 def _bend(line: SurveyedLine) -> float:

@@ -33,6 +33,10 @@ _ENDS = (("start", "begin", "from", "1"), ("end", "to", "2"))
 MOST_OF_A_LINE = 3.0
 # An example for users.
 COLUMNS = "row,latitude,longitude"
+NO_NAMES = (
+    "no column names rows or trees, so the points are taken for trees; if they are the ends of"
+    " rows, name the rows in a column `row`"
+)
 # The separator is the one that stands most often in the first line; of equal ones the first here.
 _SEPARATORS = ";\t,"
 
@@ -122,6 +126,8 @@ def read_table(content: bytes, file: str) -> SurveyFile:
         features = [_row(record, columns) for record in records]
     else:
         features = _features_of_points(records, columns)
+        if columns.row is None and columns.tree is None:
+            notes = (*notes, NO_NAMES)
     crs = ""
     if columns.is_geographic:
         crs = LONGITUDE_LATITUDE

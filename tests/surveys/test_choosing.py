@@ -5,6 +5,8 @@ of the rows, a complex number (x east, y north, m), into coordinates of a file.
 `straight_rows` are 5 rows of 60 m, 6 m apart, named r1 to r5 from the north.
 """
 
+import re
+
 import pytest
 from made_surveys import feature, pair, straight_rows, write_features
 
@@ -119,6 +121,29 @@ def test_equal_rows_that_cannot_be_are_not_offered(tmp_path):
     words = error_of(write_features(tmp_path / "b.geojson", short))
     assert "row_length" not in words
     assert "a line that is no row is left out by --without NAME" in words
+
+
+def test_rows_beyond_the_limits_get_the_nearest_that_can_be(tmp_path):
+    """Here four rows of 450 m, 2.44 m apart, as vines are."""
+    features = []
+    for i in range(4):
+        ends = [pair(-2.44j * i), pair(450 - 2.44j * i)]
+        features.append(feature("LineString", ends, row=f"r{i}"))
+    words = error_of(write_features(tmp_path / "a.geojson", features))
+    answer = "by a scenario with `rows: 4`, `row_length: 400.0`, `row_width: 3.15`, the nearest"
+    assert answer in words
+
+
+def test_rows_of_two_zones_in_one_file_are_told_apart(tmp_path):
+    """Rows of one block, of which two have the coordinates of another zone: 456 km off."""
+    features = straight_rows()
+    for row in features[3:]:
+        row["geometry"]["coordinates"] = [
+            [x + 456_000.0, y] for x, y in row["geometry"]["coordinates"]
+        ]
+    words = error_of(write_features(tmp_path / "a.geojson", features))
+    assert re.search(r"feature r\d: lies 456 km from r\d\. If they are in two coordinate", words)
+    assert "not parallel" not in words
 
 
 def test_rows_with_names_alike_at_first_are_told_apart(tmp_path):

@@ -26,6 +26,7 @@ OTHERS = [
     (b"%PDF-1.7", "is a PDF"),
     (b"PK\x03\x04\x14\0", "is a zip archive that is damaged"),
     (packed({"a.txt": b"x"}), "is a zip archive without a file of rows; expected one of .shp"),
+    (packed({"[Content_Types].xml": b"x", "xl/a.xml": b"x"}), "is a file of an office program"),
     (packed({"in.zip": packed({"a.kml": b"x"})}), "is a zip archive without a file of rows"),
     (packed({"a.kml": b"x", "b/c.csv": b"x"}), "is a zip archive with a.kml and b/c.csv; unpack"),
     (packed({"a.csv": b" \n"}), "is empty"),

@@ -8,6 +8,7 @@ from made_surveys import feature, pair, straight_rows, write_features
 
 from orchard.field.problems import ScenarioError
 from orchard.surveys.importing import import_survey
+from orchard.surveys.options import ImportOptions
 
 pytest.importorskip("pyproj", reason="pyproj is missing: pip install 'orchard-sim[survey,dev]'")
 
@@ -65,6 +66,25 @@ def test_two_rows_with_one_name_are_not_joined(tmp_path):
 
 def test_a_row_that_is_drawn_twice_is_refused(tmp_path):
     features = straight_rows()
-    features.append(feature("LineString", line(6.0, 0.0, 60.0), row="again"))
-    with pytest.raises(ScenarioError, match=r"lies 0\.00 m south of row"):
-        import_survey(write_features(tmp_path / "a.geojson", features))
+    features.append(feature("LineString", line(6.0, 60.0, 0.1), row="again"))
+    path = write_features(tmp_path / "a.geojson", features)
+    with pytest.raises(ScenarioError) as raised:
+        import_survey(path)
+    assert f"{path}: feature again: is drawn where r2 is" in str(raised.value)
+    assert f"one of each: orchard layout import {path} --without again" in str(raised.value)
+    assert import_survey(path, ImportOptions(without=("again",))).scenario.rows == 5
+
+
+def test_rows_of_which_all_have_one_name_are_numbered(tmp_path):
+    """The name is that of the variety. So is that of the one feature that has all rows as parts."""
+    apart = straight_rows()
+    for row in apart:
+        row["properties"]["row"] = "Hayward"
+    lines = [line(6.0 * number, 0.0, 60.0) for number in range(5)]
+    together = [feature("MultiLineString", lines, row="Hayward")]
+    for name, features in (("a.geojson", apart), ("b.geojson", together)):
+        imported = import_survey(write_features(tmp_path / name, features))
+        names = [row.id for row in imported.scenario.survey.rows]
+        assert names == ["row 1", "row 2", "row 3", "row 4", "row 5"]
+        said = "all 5 rows are named Hayward: here they are row 1, row 2 and so on"
+        assert said in imported.notes

@@ -124,6 +124,7 @@ def test_trees_in_a_table_are_lines_of_trees(tmp_path, head: str):
         ("hello, this is a letter\n", "as CSV its first line names no places: hello, this is"),
         ("1,2,3\n4,5,6\n", "It must name columns such as row,latitude,longitude"),
         ("row,lat,lon\n", "has 0 rows; must be 3 to 100"),
+        (DEGREES.replace("Row", "Fila"), "no column names rows or trees, so the points are taken"),
         (DEGREES + "here,there,r4\n", "line 8: Longitude is 'there'; must be a decimal number"),
         (DEGREES + "-37.79,17_6.325,r4\n", "line 8: Longitude is '17_6.325'; must be a decimal"),
         (DEGREES + "-37.8\n", "line 8: Longitude is ''; must be a decimal number"),

@@ -19,9 +19,17 @@ def orchard_words(scenario: Scenario, varied: Collection[str] = ()) -> str:
         "dispatch": f"{scenario.dispatch} dispatch",
     }
     parts = [_rows_words(scenario, varied)]
+    if scenario.crop.kilograms_per_bin is not None:
+        words["crop.kilograms_per_bin"] = f"{scenario.crop.kilograms_per_bin:g} kg in a bin"
     words |= _machine_words(scenario)
-    parts += [phrase for key, phrase in words.items() if key not in varied]
+    parts += [phrase for key, phrase in words.items() if not _varies(key, varied)]
     return ", ".join(parts)
+
+
+def _varies(key: str, varied: Collection[str]) -> bool:
+    """Whether a key varies by itself, or with the section in which it is, such as `load_out`."""
+    section, _, _ = key.partition(".")
+    return key in varied or section in varied
 
 
 def _machine_words(scenario: Scenario) -> dict[str, str]:
@@ -70,9 +78,8 @@ def _way_words(scenario: Scenario) -> dict[str, str]:
     if load_out.metres is None:
         return {}
     return {
-        "load_out.metres": (
-            f"a load-out {load_out.metres:g} m away, {load_out.speed:g} m/s on the way to it"
-        ),
+        "load_out.metres": f"a load-out {load_out.metres:g} m away",
+        "load_out.speed": f"{load_out.speed:g} m/s on the way to the load-out",
         "load_out.seconds": f"{load_out.seconds:g} s there",
     }
 
@@ -86,11 +93,21 @@ def _rows_words(scenario: Scenario, varied: Collection[str]) -> str:
         words += ", as surveyed"
     elif "row_length" not in varied:
         words += f" of {scenario.row_length:g} m"
-    if "metres_per_bin" in varied or "bins_per_row" in varied:
+    if not _keys_of_bins(scenario).isdisjoint(varied):
         return words
     if scenario.bin_metres:
         return f"{words}, a bin every {scenario.bin_metres:.3g} m"
     return f"{words}, one bin a row"
+
+
+def _keys_of_bins(scenario: Scenario) -> set[str]:
+    """Return the keys of which it hangs how many metres of a row fill a bin."""
+    keys = {"metres_per_bin", "bins_per_row"}
+    if scenario.crop.tonnes_per_hectare is not None:
+        keys |= {"crop", "crop.tonnes_per_hectare", "crop.kilograms_per_bin", "row_width"}
+    if scenario.bins_per_row is not None:
+        keys.add("row_length")
+    return keys
 
 
 def _rate_words(scenario: Scenario, varied: Collection[str]) -> str:

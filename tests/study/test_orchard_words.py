@@ -8,9 +8,12 @@ def test_the_answer_says_how_long_carriers_are_away() -> None:
     assert "260 s away at the load-out" in orchard_words(
         Scenario.model_validate({"load_out": {"seconds_away": 260.0}})
     )
-    assert "a load-out 400 m away, 4 m/s on the way to it, 60 s there" in orchard_words(
-        Scenario.model_validate({"load_out": {"metres": 400.0, "speed": 4.0, "seconds": 60.0}})
-    )
+    haul = Scenario.model_validate({"load_out": {"metres": 400.0, "speed": 4.0, "seconds": 60.0}})
+    speed = "4 m/s on the way to the load-out"
+    assert f"a load-out 400 m away, {speed}, 60 s there" in orchard_words(haul)
+    # What does not vary is told without what does.
+    assert f"s to uncouple it, {speed}, 60 s there" in orchard_words(haul, ["load_out.metres"])
+    assert "400 m away, 60 s there" in orchard_words(haul, ["load_out.speed"])
     trailers = {"seconds_away": 260.0, "trailers": {"count": 2, "bins": 3}}
     assert "260 s away at the load-out, 2 trailers, 3 bins on each" in orchard_words(
         Scenario.model_validate({"load_out": trailers})
@@ -28,3 +31,22 @@ def test_the_answer_says_how_many_carriers_unload_at_a_time() -> None:
     assert "2 carriers unload at a time" in orchard_words(Scenario(bays=2))
     assert "unload at a time" not in orchard_words(Scenario())
     assert "unload at a time" not in orchard_words(Scenario(bays=2), varied=["bays"])
+
+
+def test_the_answer_says_what_a_bin_holds() -> None:
+    crop = {"tonnes_per_hectare": 39.0, "kilograms_per_bin": 350.0}
+    heavy = Scenario.model_validate({"crop": crop})
+    assert "two-way, rolling dispatch, 350 kg in a bin" in orchard_words(heavy)
+    assert "kg in a bin" not in orchard_words(heavy, ["crop.kilograms_per_bin"])
+    assert "kg in a bin" not in orchard_words(Scenario())
+    # What varies is not told, and neither is what hangs on it.
+    assert "a bin every 16.3 m" in orchard_words(heavy)
+    for key in ("crop", "crop.kilograms_per_bin", "crop.tonnes_per_hectare", "row_width"):
+        assert "a bin every" not in orchard_words(heavy, [key])
+    assert "kg in a bin" not in orchard_words(heavy, ["crop"])
+
+
+def test_the_answer_leaves_out_a_section_that_varies() -> None:
+    away = Scenario.model_validate({"load_out": {"seconds_away": 260.0}})
+    assert "260 s" not in orchard_words(away, ["load_out"])
+    assert "s at the bay" not in orchard_words(away, ["handling"])

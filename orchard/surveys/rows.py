@@ -123,11 +123,14 @@ def drawn_twice(lines: Sequence[SurveyedLine]) -> Iterator[tuple[str, str]]:
     `lines`: in the rows' frame, from north to south.
     """
     for other, line in pairwise(lines):
-        ends = []
-        for points in (other.points, line.points):
-            ends.append((points.real.min(), points.real.max(), middle(points.imag)))
-        if np.abs(np.subtract(*ends)).max() <= STRAIGHT:
+        if np.abs(_place(other) - _place(line)).max() <= STRAIGHT:
             yield line.id, other.id
+
+
+def _place(line: SurveyedLine) -> np.ndarray:
+    """Return where a line along x lies, (3,) m: x of its west and of its east end, and its y."""
+    xs = line.points.real
+    return np.array([xs.min(), xs.max(), _middle_y(line)])
 
 
 def _bend(line: SurveyedLine) -> float:

@@ -24,18 +24,22 @@ class Stretches(NamedTuple):
 
 
 def stretches_of(layout: Layout) -> Stretches:
-    """Return the stretches of all rows. Neighbours that are picked equally fast are one."""
+    """Return the stretches of all rows. Neighbours that are picked equally fast are one.
+
+    A row that is no picker's is one stretch.
+    """
     # Row -> x of the east end and speed of each of its parts.
-    parts: dict[int, list[tuple[float, float]]] = {lane.number: [] for lane in layout.lanes}
+    parts: dict[int, list[tuple[float, float]]] = {}
     for block in layout.blocks.values():
         for current in layout.passes(block):
             east = max(current.begin, current.stop)
-            parts[current.row].append((east, layout.speed_on(current)))
+            parts.setdefault(current.row, []).append((east, layout.speed_on(current)))
     begin = [0]
     easts = list[float]()
     speeds = list[float]()
-    for of_row in parts.values():
-        for east, speed in sorted(of_row):
+    for lane in layout.lanes:
+        whole_row = [(lane.east, lane.picking_speed)]
+        for east, speed in sorted(parts.get(lane.number, whole_row)):
             is_first = len(easts) == begin[-1]
             if is_first or speed != speeds[-1]:
                 easts.append(east)

@@ -125,7 +125,7 @@ PICKER_SPEED = (
 
 
 # The keys of `Picking` that are a Spread.
-SPREADS = ("spread_of_pickers", "spread", "spread_of_bins")
+SPREADS = ("spread_of_pickers", "spread_of_bins", "spread")
 
 
 class Picking(Section):
@@ -140,10 +140,10 @@ class Picking(Section):
     spread_of_pickers: Annotated[
         Spread, Field(description="how the mean picking times of pickers differ")
     ] = Spread()
-    spread: Annotated[Spread, Field(description="how the picking times of rows differ")] = Spread()
     spread_of_bins: Annotated[
         Spread, Field(description="how the picking times of bins of the same row differ")
     ] = Spread()
+    spread: Annotated[Spread, Field(description="how the picking times of rows differ")] = Spread()
     failure: Annotated[
         Failure, Field(description="how often pickers fail, and for how long they stand")
     ] = Failure()

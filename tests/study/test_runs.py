@@ -99,8 +99,8 @@ def test_a_full_run_tells_what_failed_in_an_own_policy():
     assert broken.startswith("dispatch, since tick ")
 
 
-# Packages that a run loads, and that only show, read or keep what it gives.
-AROUND_A_RUN = {"terminal", "view", "wire"}
+# Packages that a run loads, and that only show, read, keep or change what it gives.
+AROUND_A_RUN = {"fork", "terminal", "view", "wire"}
 
 
 def test_stored_runs_are_of_each_package_that_decides_a_run():

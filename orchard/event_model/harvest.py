@@ -60,8 +60,7 @@ class EventHarvest:
         self.names = prepared.names
         self.bin_names = prepared.bin_names
         own = {name: getattr(prepared.model, name).copy() for name in STATE}
-        of_rows = np.array([lane.picking_speed for lane in layout.lanes])
-        own["speeds"] = prepared.program.speeds(layout.scenario, of_rows)
+        own["speeds"] = prepared.program.pass_speeds.in_layout(layout)
         self._drawn = FIRST
         # The layout whose seed decides which people and animals robots meet.
         self._met_in = layout

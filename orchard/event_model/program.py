@@ -16,6 +16,7 @@ import numpy as np
 from orchard.event_model import codes as c
 from orchard.event_model import program_columns
 from orchard.event_model.draws import has_failures
+from orchard.event_model.pass_speeds import PassSpeeds
 from orchard.event_model.tables import Lines, PlaceLists, Table
 from orchard.event_model.writer import (
     INSERTING,
@@ -32,8 +33,6 @@ from orchard.event_model.writer import (
 from orchard.field.geometry import Pose
 from orchard.field.kinds import number_of
 from orchard.field.layout import Layout
-from orchard.field.passes import Pass
-from orchard.field.picking import bin_speed_of
 from orchard.field.queue import BESIDE
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.field.ticks import whole_ticks
@@ -78,8 +77,7 @@ class Program:
         self.needs = Table(program_columns.GATE)
         self.frees = Table(program_columns.GATE)
         self.passes = Table(program_columns.PASS)
-        # Of each of these, the picker and its pass.
-        self._passes_of_pickers: list[tuple[str, Pass]] = []
+        self.pass_speeds = PassSpeeds()
         # Of each op the step, for a trace; None at the end of a plan.
         self.steps: list[Step | None] = []
         # The first op of a plan -> of each of its steps the op at which it, or what follows it,
@@ -205,19 +203,6 @@ class Program:
                 if first == c.NONE:
                     self.translate_job(queue_line, end)
 
-    def speeds(self, scenario: Scenario, of_rows: np.ndarray) -> np.ndarray:
-        """Return the speeds at which pickers pick on each pass, (passes,), m/s.
-
-        `scenario`: one of this geometry, with any seed. `of_rows`: (rows,), m/s, at which each row
-        is picked with that seed.
-        """
-        speeds: np.ndarray = of_rows[self.passes.array["row"][: len(self.passes)]]
-        if scenario.picking.spread_of_bins.distribution != "none":
-            for number, (picker, drive) in enumerate(self._passes_of_pickers):
-                of_row = float(speeds[number])
-                speeds[number] = bin_speed_of(scenario, picker, drive.bin_number, of_row)
-        return speeds
-
     def ticks(self, first: int, speeds: np.ndarray) -> float:
         """Return how long the plan that begins at an op lasts on free roads, in ticks.
 
@@ -254,7 +239,7 @@ class Program:
         for drive in layout.passes(block):
             passes.append((len(self.passes), drive))
             self.bins += drive.leaves_bin
-            self._passes_of_pickers.append((picker, drive))
+            self.pass_speeds.add(picker, drive)
             self.passes.append(
                 row=drive.row - 1,
                 end=self.end_number(drive.row, drive.end),

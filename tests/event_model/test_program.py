@@ -3,7 +3,6 @@
 An op is a step as a row of numbers, which the machine does. Here ops last as long as their steps.
 """
 
-import numpy as np
 import pytest
 from quiet import NOBODY, quiet_layouts
 
@@ -21,12 +20,6 @@ from orchard.plans.steps import Fill
 LAYOUTS = list(quiet_layouts(seed=1, count=20))
 
 
-def speeds_of(program: Program, layout: Layout) -> np.ndarray:
-    """Return the speeds at which pickers pick on each pass, m/s."""
-    of_rows = np.array([lane.picking_speed for lane in layout.lanes])
-    return program.speeds(layout.scenario, of_rows)
-
-
 @pytest.mark.parametrize("layout", LAYOUTS, ids=range(len(LAYOUTS)))
 def test_the_ops_of_a_harvest_last_as_long_as_its_steps(layout: Layout) -> None:
     program = Program(layout)
@@ -35,7 +28,7 @@ def test_the_ops_of_a_harvest_last_as_long_as_its_steps(layout: Layout) -> None:
         plan = list(
             timed_steps(route_of(layout).harvest(block), starts[picker], layout.machines["picker"])
         )
-        ticks = program.ticks(program.harvests[picker], speeds_of(program, layout))
+        ticks = program.ticks(program.harvests[picker], program.pass_speeds.in_layout(layout))
         assert ticks == pytest.approx(plan[-1].ends / TIME_STEP)
 
 
@@ -43,7 +36,7 @@ def test_the_ops_of_a_harvest_last_as_long_as_its_steps(layout: Layout) -> None:
 def test_the_ops_of_a_job_last_as_long_as_its_steps(layout: Layout) -> None:
     program = Program(layout)
     route = route_of(layout)
-    speeds = speeds_of(program, layout)
+    speeds = program.pass_speeds.in_layout(layout)
     for queue_line in range(len(program.queue_lines)):
         place = queue_line * layout.queue.places
         for lane in layout.lanes:

@@ -91,11 +91,9 @@ class HarvestBatch:
             array = getattr(initial, name)
             self._state_forms[name] = (array.shape, array.nbytes)
         state = _as_bytes(initial)
-        self._program = prepared.program
-        self._row_speeds = np.array([lane.picking_speed for lane in layout.lanes])
+        self._pass_speeds = prepared.program.pass_speeds
         # (harvests, passes) m/s at which pickers pick on each pass.
-        speeds = prepared.program.speeds(layout.scenario, self._row_speeds)
-        self._speeds = np.tile(speeds, (count, 1))
+        self._speeds = np.tile(self._pass_speeds.in_layout(layout), (count, 1))
         bystanders = Bystanders.of(layout)
         self.arrays = {
             "initial": state,
@@ -117,10 +115,10 @@ class HarvestBatch:
         self.arrays["episodes"]["seed"][number] = seed
         if self._scenario.work_is_drawn:
             scenario = self._scenario.model_copy(update={"seed": seed})
-            of_rows = self._row_speeds
+            of_rows = np.zeros(len(self._pickers))
             for row, picker in self._pickers.items():
                 of_rows[row - 1] = picking_speed_of(scenario, row, picker)
-            self._speeds[number] = self._program.speeds(scenario, of_rows)
+            self._speeds[number] = self._pass_speeds.drawn(scenario, of_rows)
 
     def act(self, do_act: np.ndarray, actions: np.ndarray) -> None:
         """Let some harvests do their actions in the next step.

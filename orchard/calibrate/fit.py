@@ -29,7 +29,7 @@ from orchard.calibrate.picking import (
 from orchard.field.layout import lay_out
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import NEAREST, Scenario, with_changes
-from orchard.field.scenario.sections import LEAST_CV, Carrying, Handling, Spread
+from orchard.field.scenario.sections import LEAST_CV, SPREADS, Carrying, Handling, Spread
 
 ROUNDS = 2
 # Harvests of the model in a round for the drives of carriers: they depend on the seed.
@@ -103,8 +103,7 @@ def _plain(base: Scenario) -> Scenario:
     pickers nor their picking.
     """
     changes = {
-        "picking.spread": ALIKE,
-        "picking.spread_of_pickers": ALIKE,
+        **{f"picking.{key}": ALIKE for key in SPREADS},
         "picking.failure.mean_between": None,
         "carrying.failure.mean_between": None,
         "dispatch": NEAREST,
@@ -204,6 +203,13 @@ def _picking_values(base: Scenario, picking: PickingFit, notes: list[str]) -> di
             "pickers",
         ),
     }
+    if base.picking.spread_of_bins.distribution != "none":
+        # The difference of rows was measured on the same bins, so it has that of bins in it.
+        values["picking.spread_of_bins"] = ALIKE
+        notes.append(
+            "how bins of a row differ is not told apart from how rows differ:"
+            " picking.spread_of_bins.distribution is none"
+        )
     for key, (spread, before, name) in spreads.items():
         values[key] = ALIKE
         if spread is None:

@@ -361,3 +361,15 @@ def test_rows_that_are_picked_each_day_are_no_longer_for_it():
     assert base.rows == 6
     assert base.row_length == 70.0
     assert base.bins_per_row == 5.0
+
+
+def test_a_spread_of_bins_is_not_counted_twice():
+    """What a log tells of rows has the difference of their bins in it. So a fit leaves no spread of
+    bins, and says so.
+    """
+    spread = {"distribution": "gamma", "cv": 0.3}
+    base = with_changes(KNOWN, picking_rate=2.0, **{"picking.spread_of_bins": spread})
+    logged = log_of(with_changes(KNOWN, picking_rate=2.0))
+    fitted = fit(LoggedBins(logged, [], []), base, False, "log.csv")
+    assert fitted.scenario.picking.spread_of_bins.distribution == "none"
+    assert any("bins of a row" in note for note in fitted.notes)

@@ -204,7 +204,7 @@ def tell_followers(m, robot, when):
 
 @inner
 def stop_short(m, robot, at):
-    """Let a robot's way on its line end before it was to. Who drives behind it looks again."""
+    """Let a robot's way on its line end before it was to. A robot behind it looks again."""
     m.robots[robot].line_end = at
     tell_driver_behind(m, robot, noticed_at(m, robot))
 

@@ -77,7 +77,7 @@ def swing(m, robot):
 
 @inner
 def swing_bin(m, robot, is_aside):
-    """Begin to swing a bin. Who stands or drives behind it sees that from the next tick on."""
+    """Begin to swing a bin. A robot behind it sees that from the next tick on."""
     me = m.robots[robot]
     noticed = m.desk[0].now + c.QUARTERS * NOTICED
     me.swings_since = tick_of(m)

@@ -20,6 +20,7 @@ from orchard.field.queue import CLOSED_UP, ONE_WAY, USUAL_ROW
 from orchard.field.repeatable import QUARTER
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.field.survey import TRUNK
+from orchard.field.walls import FENCE_HEIGHT, FENCE_THICKNESS
 from orchard.plans import course, robot_memory, sense
 from orchard.plans.route import OneWay
 from orchard.plans.two_way import TwoWay
@@ -65,7 +66,7 @@ def _field(layout: Layout) -> str:
     rows = [
         (
             "fences",
-            f"on all four sides, {field.FENCE_THICKNESS:g} m thick, {field.FENCE_HEIGHT:g} m high",
+            f"on all four sides, {FENCE_THICKNESS:g} m thick, {FENCE_HEIGHT:g} m high",
         ),
         (
             "centre lines of the fences",

@@ -35,7 +35,7 @@ from orchard.field.queue import (
 )
 from orchard.field.rows import Block, rows_to_pickers
 from orchard.field.scenario import Scenario
-from orchard.field.survey import TRUNK
+from orchard.field.walls import FENCE_THICKNESS, walls_of
 
 # Layouts in the cache of `lay_out`. Other caches of what follows from a layout are as large.
 KEPT_LAYOUTS = 8
@@ -49,8 +49,6 @@ X_EAST = 50.0
 TOP = 34.0
 # From the northernmost line of the queue to the top fence's centre line.
 ABOVE_QUEUE = 3.5
-FENCE_THICKNESS = 1.0
-FENCE_HEIGHT = 2.5
 # From the last tree line to the bottom fence's centre line.
 BELOW_ROWS = 21.0
 # x of a picker that starts at an east end: where pickers wait for bins, off both roads.
@@ -320,7 +318,15 @@ class Layout:
 
     def picker_of(self, row: int) -> str:
         """Return the picker that picks a row."""
-        return next(name for name, block in self.blocks.items() if row in block.rows)
+        return self._pickers[row]
+
+    @cached_property
+    def _pickers(self) -> Mapping[int, str]:
+        """The picker of each row."""
+        pickers: dict[int, str] = {}
+        for name, block in self.blocks.items():
+            pickers |= dict.fromkeys(block.rows, name)
+        return pickers
 
     def beyond(self, row: int, side: str) -> float:
         """Return the metres from a row's end to the outermost end of all rows on the same side.
@@ -430,8 +436,7 @@ def _laid_out(text: str) -> Layout:
         starts=(),
         walls=np.empty((0, 4)),
     )
-    walls = np.array(_fences(bare) + _trunks_and_posts(bare))
-    walls.setflags(write=False)
+    walls = walls_of(bare.lines, Rect(X_WEST, bare.bottom, bare.east, bare.top))
     machines = _machines(bare)
     half = FENCE_THICKNESS / 2
     inside = Rect(X_WEST + half, bare.bottom + half, bare.east - half, bare.top - half)
@@ -455,31 +460,6 @@ def _moving_order(start: Start) -> tuple[int, str]:
     if kind.solid:
         return 1, start.name
     return 2, start.name
-
-
-def _fences(layout: Layout) -> list[tuple[float, float, float, float]]:
-    """Return the fences in the north, south, west and east, as boxes of `Layout.walls`."""
-    bottom = layout.bottom
-    half = FENCE_THICKNESS / 2
-    middle_x = (X_WEST + layout.east) / 2
-    middle_y = (layout.top + bottom) / 2
-    half_width = (layout.east - X_WEST) / 2 + half
-    half_height = (layout.top - bottom) / 2 + half
-    return [
-        (middle_x, layout.top, half_width, half),
-        (middle_x, bottom, half_width, half),
-        (X_WEST, middle_y, half, half_height),
-        (layout.east, middle_y, half, half_height),
-    ]
-
-
-def _trunks_and_posts(layout: Layout) -> list[tuple[float, float, float, float]]:
-    """Return the trees and posts of all lines, as boxes of `Layout.walls`."""
-    boxes = []
-    for line in layout.lines:
-        for x in sorted(line.trees_x + line.posts_x):
-            boxes.append((x, line.y, TRUNK / 2, TRUNK / 2))
-    return boxes
 
 
 def _picker_start(layout: Layout, block: Block) -> Pose:

@@ -75,13 +75,7 @@ def guests(
     person or animal is placed there. The same seed gives the same starts. Raises ValueError if no
     free place is left.
     """
-    solid: list[Obstacle] = [(*wall, CLEAR) for wall in walls.tolist()]
-    for machine in machines:
-        kind = KINDS[machine.kind]
-        pose = machine.pose
-        solid.append((pose.x, pose.y, kind.length / 2, kind.width / 2, CLEAR))
-    areas = [_area(rect) for rect in (keep_off, TRACK, *_ways(machines))]
-    bare_grounds = _bare_grounds(tuple(solid), tuple(areas), inside, rows)
+    bare_grounds = _bare_grounds(walls.tobytes(), tuple(machines), inside, rows, keep_off)
     # Copies, because what is placed is added to them, and the bare ones stay in the cache.
     grounds = {name: copy(ground) for name, ground in bare_grounds.items()}
     of_solid_bodies = [grounds[kind] for kind in ANIMALS + PEOPLE]
@@ -98,12 +92,21 @@ def guests(
 
 @lru_cache(maxsize=KEPT_GROUNDS)
 def _bare_grounds(
-    solid: tuple[Obstacle, ...], areas: tuple[Obstacle, ...], inside: Rect, rows: Rect
+    walls: bytes, machines: tuple[Start, ...], inside: Rect, rows: Rect, keep_off: Rect
 ) -> Mapping[str, "_Ground"]:
-    """Return the grounds of all kinds before anything is placed.
+    """Return the grounds of all kinds before anything is placed, as `guests` is told of them.
 
-    They are kept: only what is placed on them depends on the seed.
+    They are kept: only what is placed on them depends on the seed. `walls` are the bytes of the
+    array, because an array is no key.
     """
+    solid: list[Obstacle] = []
+    for x, y, half_x, half_y in np.frombuffer(walls).reshape(-1, 4).tolist():
+        solid.append((x, y, half_x, half_y, CLEAR))
+    for machine in machines:
+        shape = KINDS[machine.kind]
+        pose = machine.pose
+        solid.append((pose.x, pose.y, shape.length / 2, shape.width / 2, CLEAR))
+    areas = [_area(rect) for rect in (keep_off, TRACK, *_ways(machines))]
     north = Rect(inside.west, rows.north, inside.east, inside.north)
     south = Rect(inside.west, inside.south, inside.east, rows.south)
     grounds = {kind: _Ground(inside, kind, [*solid, *areas]) for kind in ANIMALS}
@@ -261,7 +264,7 @@ def _has_no_given_place(body: tuple[str, int]) -> bool:
     return number > len(GIVEN[kind])
 
 
-def _ways(machines: list[Start]) -> list[Rect]:
+def _ways(machines: Sequence[Start]) -> list[Rect]:
     """Return the ground ahead of each picker that is kept free, so that it can start."""
     half_length = KINDS["picker"].length / 2
     half_width = KINDS["picker"].width / 2

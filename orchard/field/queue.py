@@ -10,7 +10,7 @@ head. Metres, in the frame `map`: x east, y north.
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from types import MappingProxyType
 
 from orchard.field.geometry import EAST, Pose, Rect
@@ -53,6 +53,8 @@ HEAD_TO_EDGE = 0.9
 MOST_CARRIERS = 120
 SHORTEST_ROW = 20.0  # m
 LONGEST_ROW = 400.0  # m
+# Queues that are kept. All seeds of an orchard have the same one.
+KEPT_QUEUES = 64
 
 # y of the lines of each route, m, in the order in which they fill. The top road is the first line.
 _NORTH = (27.5, 30.5, 33.5, 36.5, 39.5, 42.5, 45.5)
@@ -217,6 +219,7 @@ TWO_WAY = "two-way"
 QUEUES: Mapping[str, Plan] = MappingProxyType({ONE_WAY: long_lines, TWO_WAY: short_lines})
 
 
+@lru_cache(maxsize=KEPT_QUEUES)
 def queue_of(
     name: str, row_length: float, bay: float, carriers: int, charge: bool = False
 ) -> Queue | None:

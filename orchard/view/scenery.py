@@ -22,6 +22,7 @@ from orchard.field import layout as field
 from orchard.field.geometry import Rect
 from orchard.field.lanes import Lane, TreeLine
 from orchard.field.layout import Layout
+from orchard.field.walls import FENCE_HEIGHT, FENCE_THICKNESS
 from orchard.view import palette
 from orchard.view.palette import Colour
 
@@ -309,14 +310,14 @@ def _fences(layout: Layout) -> list[Part]:
     middle_y = sum(y) / 2
     along_x = np.linspace(*x, round(width / 5.0) + 1)
     along_y = np.linspace(*y, round(length / 5.0) + 1)
-    post = (0.25, 0.25, field.FENCE_HEIGHT)
+    post = (0.25, 0.25, FENCE_HEIGHT)
     return [
-        Part(post, (along_x, y, field.FENCE_HEIGHT / 2), palette.FENCE),
-        Part(post, (x, along_y[1:-1], field.FENCE_HEIGHT / 2), palette.FENCE),
+        Part(post, (along_x, y, FENCE_HEIGHT / 2), palette.FENCE),
+        Part(post, (x, along_y[1:-1], FENCE_HEIGHT / 2), palette.FENCE),
         Part((width, 0.1, 0.16), (middle_x, y, RAILS_Z), palette.FENCE),
         Part((0.1, length, 0.16), (x, middle_y, RAILS_Z), palette.FENCE),
-        Part((width + 1.0, field.FENCE_THICKNESS, 0.25), (middle_x, y, 0.0), palette.KERB),
-        Part((field.FENCE_THICKNESS, length + 1.0, 0.25), (x, middle_y, 0.0), palette.KERB),
+        Part((width + 1.0, FENCE_THICKNESS, 0.25), (middle_x, y, 0.0), palette.KERB),
+        Part((FENCE_THICKNESS, length + 1.0, 0.25), (x, middle_y, 0.0), palette.KERB),
     ]
 
 

@@ -14,11 +14,12 @@ from stage import empty_orchard
 from sweeps import bounds, collisions, in_words, sweeps_at_rows
 from walks import walks_of
 
-from orchard.field.layout import FENCE_THICKNESS, X_WEST, lay_out
+from orchard.field.layout import X_WEST, lay_out
 from orchard.field.queue import ONE_WAY, TWO_WAY
 from orchard.field.rows import RULES
 from orchard.field.scenario import Scenario
 from orchard.field.survey import CLOSEST, FURTHEST, NARROWEST_ROW, TRUNK, WIDEST_ROW
+from orchard.field.walls import FENCE_THICKNESS
 
 FROM_THE_EAST = "examples.seams.from_the_east.from_the_east"
 # Neighbours that leave their rows at one end, or at both, and bins that fill inside a row.

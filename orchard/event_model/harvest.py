@@ -20,7 +20,7 @@ from orchard.event_model import codes as c
 from orchard.event_model import columns
 from orchard.event_model.draws import FIRST, draws
 from orchard.event_model.kernel.drives import FAR
-from orchard.event_model.kernel.entry import addressed, run
+from orchard.event_model.kernel.entry import addressed, run, with_arrays
 from orchard.event_model.known import refuse_unknown
 from orchard.event_model.policies import AskedPolicy, PolicyQuestion, PolicyQuestions
 from orchard.event_model.program import SIDES
@@ -73,10 +73,10 @@ class EventHarvest:
             own["rears"] = np.repeat(own["rears"], len(self.names), axis=0)
         if is_logged:
             own["log"] = np.zeros(LOG_ROWS, columns.LOG).view(np.recarray)
-        self.model = prepared.model._replace(**own)
         # The size that the program had when the model took over its arrays.
-        self._taken = (0, 0)
-        self.take_program()
+        self._taken = prepared.program.size
+        own |= prepared.program.arrays()
+        self._model = with_arrays(prepared.model, own)
         # The tick up to which `run` has carried it on.
         self._until = 0
         # The bins that were delivered before it began, if it goes on from a run.
@@ -113,13 +113,13 @@ class EventHarvest:
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Be a harvest that goes on from a state."""
         vars(self).update(state)
-        self.model = self._model
+        self._model = addressed(self._model)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "EventHarvest":
         """Return a harvest that goes on from here by itself. Both share the program."""
         twin = copy(self)
         own = {name: getattr(self.model, name).copy() for name in (*STATE, "log")}
-        twin.model = self.model._replace(**own)
+        twin._model = with_arrays(self.model, own)
         twin._policy = copy(self._policy)
         return twin
 
@@ -135,7 +135,7 @@ class EventHarvest:
         """Let robots meet people and animals from now on as a run with another seed does."""
         scenario = self.layout.scenario.model_copy(update={"seed": seed})
         self._met_in = replace(self.layout, scenario=scenario)
-        self.model = self.model._replace(**self._draws())
+        self._model = with_arrays(self.model, self._draws())
         if self.model.encounters.size:
             robots = self.model.robots
             robots.clear = self.model.encounters[:, 0].metres
@@ -150,10 +150,6 @@ class EventHarvest:
     def model(self) -> columns.Model:
         """The arrays. Those of the state are changed in place, and are never others."""
         return self._model
-
-    @model.setter
-    def model(self, model: columns.Model) -> None:
-        self._model = addressed(model)
 
     @cached_property
     def _decisions(self) -> PolicyQuestions:
@@ -226,14 +222,14 @@ class EventHarvest:
                 self._tell_ways()
             elif reason == c.LOG_IS_FULL:
                 longer = np.concatenate([self.model.log, np.zeros_like(self.model.log)])
-                self.model = self.model._replace(log=longer.view(np.recarray))
+                self._model = with_arrays(self.model, {"log": longer.view(np.recarray)})
             else:
                 return reason
 
     def _draw_more(self) -> None:
         """Draw twice as much of what happens at random."""
         self._drawn *= 2
-        self.model = self.model._replace(**self._draws())
+        self._model = with_arrays(self.model, self._draws())
         self.model.desk.lacks_draws = False
 
     def _draws(self) -> dict[str, np.ndarray]:
@@ -260,7 +256,7 @@ class EventHarvest:
         # To take them over takes ten times as long as most events between two decisions.
         size = self.program.size
         if size != self._taken:
-            self.model = self.model._replace(**self.program.arrays())
+            self._model = with_arrays(self.model, self.program.arrays())
             self._taken = size
 
     # -- what came of it

@@ -13,6 +13,7 @@ import numpy as np
 from orchard.event_model import codes as c
 from orchard.event_model import columns
 from orchard.event_model.draws import draws
+from orchard.event_model.kernel.entry import addressed
 from orchard.event_model.known import COMPILED
 from orchard.event_model.program import Program
 from orchard.field.kinds import DISPATCH, EIGHTH, KINDS
@@ -75,7 +76,8 @@ def _prepared(geometry: Geometry) -> Prepared:
     starts.sort(key=lambda start: start.name)
     bin_names = sorted(start.bin for start in starts)
     names = [start.name for start in starts]
-    return Prepared(program, names, bin_names, _initial(layout, program, starts, bin_names))
+    initial = _initial(layout, program, starts, bin_names)
+    return Prepared(program, names, bin_names, addressed(initial))
 
 
 def _initial(

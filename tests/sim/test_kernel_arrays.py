@@ -39,6 +39,14 @@ def test_a_compiled_function_reads_and_writes_a_records_arrays() -> None:
     assert given["cube"].ravel().tolist() == [0.0, 0.0, 0.0, 0.0, 0.0, 0.5]
 
 
+def test_some_arrays_of_a_record_take_the_place_of_others() -> None:
+    given = arrays()
+    other = {"grid": np.full((3, 2), 7, np.int64)}
+    assert _change(RECORD.addresses(other, RECORD.addresses(given))) == 2
+    # The last value of the grid is 7 now, and it has 3 rows.
+    assert given["rows"]["count"].tolist() == [1, 3 + 7 + 3]
+
+
 @pytest.mark.parametrize(
     "wrong",
     [

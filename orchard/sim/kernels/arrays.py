@@ -7,7 +7,7 @@ it by `opens` and then reads `record.name` as an array.
 """
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -88,6 +88,8 @@ class ArrayRecord:
     def __init__(self, arrays: Mapping[str, tuple[Any, int]]) -> None:
         """`arrays`: of each array its dtype, and its number of dimensions."""
         self._arrays = arrays
+        # The place of each array in the record.
+        self._numbers = {name: number for number, name in enumerate(arrays)}
         # Of each array the dtype object that was last compared with its dtype, and equal.
         self._dtypes: dict[str, np.dtype] = {}
         kinds = []
@@ -95,25 +97,34 @@ class ArrayRecord:
             kinds.append((name, types.Array(from_dtype(np.dtype(dtype)), dimensions, "C")))
         self.opens = _opens(ArraysType(tuple(kinds)))
 
-    def addresses(self, arrays: Mapping[str, np.ndarray]) -> np.ndarray:
+    def addresses(
+        self, arrays: Mapping[str, np.ndarray], before: np.ndarray | None = None
+    ) -> np.ndarray:
         """Return the addresses and shapes of arrays, which compiled functions open by `opens`.
 
-        The record does not keep the arrays alive: its caller must, as long as it is used. Raises
-        ValueError for arrays that are not those of this record.
+        `before`: what this method returned for other arrays, of which `arrays` replace some; None:
+        `arrays` are all. The record does not keep the arrays alive: its caller must, as long as it
+        is used. Raises ValueError for arrays that are not those of this record.
         """
-        words = np.zeros((len(self._arrays), WORDS), np.int64)
-        for number, (name, (dtype, dimensions)) in enumerate(self._arrays.items()):
+        names: Iterable[str] = arrays
+        if before is None:
+            names = self._arrays
+            before = np.zeros(WORDS * len(self._arrays), np.int64)
+        words = before.reshape(-1, WORDS).copy()
+        for name in names:
+            dtype, dimensions = self._arrays[name]
             # Each access to an attribute of a recarray costs a microsecond, so it is viewed as a
             # plain array.
-            array = arrays[name].view(np.ndarray)
+            plain = arrays[name].view(np.ndarray)
             # Each comparison of two dtypes of records costs a microsecond too; that of two objects
             # by identity does not.
-            is_known = array.dtype is self._dtypes.get(name) or array.dtype == dtype
-            if not is_known or array.ndim != dimensions or not array.flags.c_contiguous:
+            is_known = plain.dtype is self._dtypes.get(name) or plain.dtype == dtype
+            if not is_known or plain.ndim != dimensions or not plain.flags.c_contiguous:
                 raise ValueError(f"{name}: this is no array of {dtype} in {dimensions} dimensions")
-            self._dtypes[name] = array.dtype
-            words[number, 0] = array.ctypes.data
-            words[number, 1 : 1 + dimensions] = array.shape
+            self._dtypes[name] = plain.dtype
+            row = words[self._numbers[name]]
+            row[0] = plain.ctypes.data
+            row[1 : 1 + dimensions] = plain.shape
         return words.ravel()
 
 

@@ -12,32 +12,24 @@ faster: `proven_seconds` is the time that no policy can beat.
 A pass is one drive of a picker through a row (`orchard.field.passes`).
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
-from functools import cache, lru_cache, partial
+from functools import lru_cache
 from math import ceil, inf
 from statistics import fmean
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from orchard.dispatch.policies import POLICIES, dispatch_of
-from orchard.dispatch.policy import is_early, prefers_near
-from orchard.field.geometry import HEADINGS, Pose
+from orchard.dispatch.policy import prefers_near
 from orchard.field.kinds import kind_of
 from orchard.field.layout import KEPT_LAYOUTS, Layout, lay_out
-from orchard.field.passes import Pass
 from orchard.field.queue import CLOSED_UP
 from orchard.field.rows import Block
 from orchard.field.scenario import NEAREST, TIME_STEP, Scenario
-from orchard.plans.jobs import (
-    TimedStep,
-    begin_of,
-    handover_seconds,
-    least_headway,
-    timed_steps,
-)
-from orchard.plans.route import OneWay, Side
-from orchard.plans.routes import route_of, way_to
-from orchard.plans.steps import Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
+from orchard.plans.jobs import least_headway
+from orchard.plans.routes import route_of
+from orchard.plans.steps import Unload
+from orchard.report.pass_times import BinTimes, PassTimes
 
 if TYPE_CHECKING:
     from orchard.event_model.harvest import EventHarvest
@@ -67,10 +59,7 @@ class Bounds:
     def __init__(self, layout: Layout) -> None:
         scenario = layout.scenario
         policy = dispatch_of(layout)
-        # The same passes come again and again, so their times are kept.
-        self.pass_times: PassTimes = cache(
-            partial(_times_of_pass, route_of(layout), is_early(policy))
-        )
+        self.pass_times = PassTimes(layout)
         of_each = [_of_a_bin(layout, block, self.pass_times) for block in layout.blocks.values()]
         self.of_pickers = dict(zip(layout.blocks, of_each, strict=True))
         # Each picker counts as if it delivered as many bins as the others. A field of `means` is
@@ -179,34 +168,7 @@ def _mean_of_near(work: Iterable[float]) -> float:
     return least
 
 
-class BinTimes(NamedTuple):
-    """Mean times of a bin without traffic, or the times of one pass through a row, s."""
-
-    #: T: the picker picks what fills the bin.
-    picking: float
-    #: t_x: the picker leaves a full bin and goes on, without the wait for an empty one.
-    crossing: float
-    #: w: the picker waits for an empty bin, if a carrier is free at once.
-    waiting: float
-    #: C: the carrier drives from the queue's head around the orchard and back.
-    cycle: float
-    #: The part of t_x that a bin costs because it fills inside a row, and must be driven to the
-    #: row's end.
-    row_end: float
-    #: The carrier charges what a cycle takes out of its battery.
-    charging: float
-
-    @property
-    def of_picker(self) -> float:
-        """The whole time of the picker, s."""
-        return self.picking + self.crossing + self.waiting
-
-
-# Returns the times of a pass; the second one is the next pass of the same picker.
-PassTimes = Callable[[Pass, Pass], BinTimes]
-
-
-def _of_a_bin(layout: Layout, block: Block, times_of: PassTimes) -> BinTimes:
+def _of_a_bin(layout: Layout, block: Block, pass_times: PassTimes) -> BinTimes:
     """Return the mean times of a picker's bin without traffic. A part-full last bin does not
     count.
     """
@@ -219,127 +181,9 @@ def _of_a_bin(layout: Layout, block: Block, times_of: PassTimes) -> BinTimes:
         passes.pop()
     bins = sum(current.is_full for current in passes)
     following = (*passes[1:], passes[0])
-    times = [times_of(current, after) for current, after in zip(passes, following, strict=True)]
+    times = list(map(pass_times.of, passes, following))
     # Field by field: the sum over the passes, for each bin.
     return BinTimes(*(sum(seconds) / bins for seconds in zip(*times, strict=True)))
-
-
-def plan_of_pass(route: OneWay, current: Pass, after: Pass) -> list[TimedStep]:
-    """Return a picker's steps from the head of one row to the head of the next one, on free
-    roads.
-    """
-    side = route.sides[current.end]
-    lane = route.layout.lane(current.row)
-    # The picker enters the row at the end from which it does not leave.
-    x = lane.east
-    if side is route.east:
-        x = lane.west
-    start = Pose(x, lane.y, HEADINGS[side.heading("EAST")])
-    steps = route.pick(current, came_over=False) + route.go_on(current, after)
-    return list(timed_steps(steps, start, route.layout.machines["picker"]))
-
-
-def _times_of_pass(route: OneWay, leaves_early: bool, current: Pass, after: Pass) -> BinTimes:
-    """Return the times of one pass through a row, and of the exchange at its end, if any.
-
-    `leaves_early`: a carrier leaves before the bin is full.
-    """
-    layout = route.layout
-    lane = layout.lane(current.row)
-    plan = plan_of_pass(route, current, after)
-    # In the plan the picked part is a drive without stops. It is taken out, and picking put in.
-    driving = current.metres / layout.speed_on(current)
-    picking = layout.seconds_on(current)
-    beside_picking = plan[-1].ends - driving
-    # The driving that exchanges inside rows would save: if the pass picks the rest of its row, that
-    # through the part that was picked before; else all driving beside picking.
-    if current.ends_row:
-        row_end = (lane.length - current.metres) / layout.machines["picker"].speed
-    else:
-        row_end = beside_picking - _handling(plan)
-    if not current.leaves_bin:
-        return BinTimes(
-            picking=picking,
-            crossing=beside_picking,
-            waiting=0.0,
-            cycle=0.0,
-            row_end=row_end,
-            charging=0.0,
-        )
-    side = route.sides[current.end]
-    # Carrier 1 stands for all. The names of the picker and of the bin are empty: they take no time.
-    fetch = route.fetch(1, current.row, side, "", "")
-    job = list(timed_steps(fetch, route.queue.place(0), layout.machines["carrier"]))
-    # From the head of the row until the full bin is left, without picking.
-    leaving = next(timed.ends for timed in plan if isinstance(timed.step, LeaveBin)) - driving
-    # From the full bin until the picker is out of the carrier's way, and fetches the empty one.
-    coming_out = begin_of(FetchEmpty, plan) - driving - leaving
-    # From a carrier's order until it can stop at the lane.
-    _, coming = way_to(route, current.row, side)
-    if leaves_early:
-        # The order comes at the earliest when the picker drives into the row. So the picker waits
-        # only for what the carrier's way is longer than all that the picker does until then.
-        coming -= _way_in_seconds(route, side, plan[0].pose.x) + picking + leaving
-    # The carrier waits before the place of the lane until the picker has come out of it, and then
-    # drives from there to its stop.
-    stop = begin_of(Deliver, job)
-    claim = _claimed(job, side.place("D", current.row), stop)
-    waiting = max(coming, coming_out + stop - claim) + handover_seconds(layout)
-    cycle, charging = _cycle_and_charging(layout, job)
-    return BinTimes(
-        picking=picking,
-        crossing=beside_picking - coming_out,
-        waiting=waiting,
-        cycle=cycle,
-        row_end=row_end,
-        charging=charging,
-    )
-
-
-def _way_in_seconds(route: OneWay, side: Side, x: float) -> float:
-    """Return how long a picker drives from where it waits on the other side to an end of a row.
-
-    `side`: that of the row's end at which the bin is exchanged. `x`: of the other end, m.
-    """
-    opposite = route.east
-    if side is route.east:
-        opposite = route.west
-    return abs(opposite.x(route.WAITING) - x) / route.layout.machines["picker"].speed
-
-
-def _cycle_and_charging(layout: Layout, job: Sequence[TimedStep]) -> tuple[float, float]:
-    """Return how long a carrier is busy with a job, with its mean repairs, and for how long it
-    charges afterwards, s.
-    """
-    # Failures come by the time driven, but not in the queue.
-    driven = 0.0
-    for timed in job:
-        if isinstance(timed.step, DriveTo) and not timed.step.queueing:
-            driven += timed.ends - timed.begins
-    carrying = layout.scenario.carrying
-    battery = carrying.battery
-    repairs = carrying.failure.share * driven
-    cycle = job[-1].ends + repairs
-    standing = _handling(job) + repairs
-    standing += layout.machines["carrier"].haul_standing_ticks * TIME_STEP
-    # What it uses in this time, as seconds of driving: standing uses a share of that.
-    used = cycle - standing + battery.standing * standing
-    # Without a battery `hours` is None, and nothing is used.
-    return cycle, battery.hours_to_charge * used / (battery.hours or inf)
-
-
-def _claimed(job: Sequence[TimedStep], place: str, otherwise: float) -> float:
-    """Return when a job needs a place for the first time, s; `otherwise` if it never does."""
-    for timed in job:
-        for needed, seconds in timed.needs:
-            if needed == place:
-                return seconds
-    return otherwise
-
-
-def _handling(plan: Sequence[TimedStep]) -> float:
-    """Return the time that a plan takes beside all drives and turns, s: for bins and answers."""
-    return sum(timed.handling for timed in plan)
 
 
 def undisturbed(scenario: Scenario, **changes: object) -> Scenario:

@@ -45,15 +45,10 @@ from statistics import fmean
 from orchard.discrete.harvest import DiscreteFigures, DiscreteHarvest, Jam
 from orchard.event_model.results import Exchange
 from orchard.field.layout import Layout
-from orchard.field.passes import Pass
 from orchard.field.rounds import Round, round_of
 from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
-from orchard.plans.jobs import begin_of
-from orchard.plans.route import OneWay
-from orchard.plans.routes import route_of
-from orchard.plans.steps import FetchEmpty
-from orchard.report.bounds import LEAST_SHARE, Bounds, plan_of_pass
+from orchard.report.bounds import LEAST_SHARE, Bounds
 
 # How long a run is: these numbers were chosen, as a compromise between accuracy and time. How sure
 # a rate is, a study tells from several runs.
@@ -148,7 +143,7 @@ class _LongRun:
         # ratio of their times for a row, and by how much less often a picker may be served.
         seconds = [self._row_seconds(block) for block in layout.blocks.values()]
         rows_meanwhile = ceil(longest * max(seconds) / (LEAST_SHARE * min(seconds)))
-        self.harvest = DiscreteHarvest(layout, least_rows + rows_meanwhile)
+        self.harvest = DiscreteHarvest(layout, _rounded_up(least_rows + rows_meanwhile))
         self.harvest.spread_charges()
         self.battery = layout.scenario.carrying.battery
         self.pickers = list(layout.blocks)
@@ -305,13 +300,12 @@ class _LongRun:
         last = len(self._finished(name)) - 1
         first = last + 1 - count
         passes = self.layout.passes(self.harvest.layout.blocks[name])
-        route = route_of(self.layout)
         plan = _Needs()
         number = 0
         # A pass is one drive of a picker through a row. The plan of a pass depends on the next one.
         for current, after in pairwise((*passes, passes[0])):
             if number >= first:
-                times = self.bounds.pass_times(current, after)
+                times = self.bounds.pass_times.of(current, after)
                 plan.add(
                     seconds=times.of_picker,
                     carrier_seconds=times.cycle + times.charging,
@@ -320,7 +314,7 @@ class _LongRun:
             if current.leaves_bin:
                 if number >= first:
                     # A pass ends at the head of the next row, so its exchange was earlier.
-                    plan.exchange(-_going_on(route, current, after))
+                    plan.exchange(-self.bounds.pass_times.going_on(current, after))
                 number += 1
             if number > last:
                 break
@@ -358,6 +352,16 @@ class _LongRun:
         )
 
 
+def _rounded_up(rows: int) -> int:
+    """Return at least as many rows, at most a fourth more.
+
+    Seeds draw how fast rows are, and so need unlike numbers of them. With the same number they
+    share the program of the event model.
+    """
+    step = 1 << max(0, rows.bit_length() - 3)
+    return step * ceil(rows / step)
+
+
 @dataclass
 class _Needs:
     """The time that a picker needs for its bins, and that carriers and chargers need for them.
@@ -387,12 +391,6 @@ class _Needs:
         self.exchanged.append(self._seconds + later)
         self.carriers.append(self._carrier_seconds)
         self.chargers.append(self._charger_seconds)
-
-
-def _going_on(route: OneWay, current: Pass, after: Pass) -> float:
-    """Return the time from a picker's exchange until it is at the head of its next row, s."""
-    plan = plan_of_pass(route, current, after)
-    return plan[-1].ends - begin_of(FetchEmpty, plan)
 
 
 def _ratio(whole: Round, seconds: Sequence[float], others: Sequence[float]) -> float:

@@ -6,9 +6,8 @@ from typing import Any
 
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
-from orchard.report.bounds import Bounds
 from orchard.report.late_absences import notes_on_absences
-from orchard.report.limits import full_bins
+from orchard.report.limits import full_bins, limit_of_question
 from orchard.report.rare_truck import notes_on_truck
 from orchard.study.options import StudyOptions
 from orchard.study.replications import Replications
@@ -116,7 +115,7 @@ class StudyNotes:
         scenario = self.runs.settings[best].scenario
         if scenario.bin_metres is None:
             return []
-        share = Bounds(lay_out(scenario)).row_end_share
+        share = limit_of_question(scenario).row_end_share
         return [
             f"drives to the ends of rows take {100 * share:.1f} % of a picker's time: exchanging"
             " bins inside rows could gain no more"

@@ -16,6 +16,7 @@ from orchard.field.layout import lay_out
 from orchard.report.bounds import Bounds, schedule_seconds
 from orchard.report.long_run import long_run
 from orchard.report.losses import lost_seconds
+from orchard.report.pass_times import PassTimes
 
 DRAWN = {"distribution": "lognormal", "cv": 0.28}
 # People who pick by hand: a bin an hour and a half, in rows that take unlike times.
@@ -233,11 +234,17 @@ def test_the_rate_of_a_long_run_is_not_cut_at_the_limit():
     layout = lay_out(empty_orchard(rows=4, pickers=3, carriers=1, picking_speed=0.5))
     rate = long_run(layout).bins_per_hour
     wrong = Bounds(layout)
-    right_times = wrong.pass_times
-    wrong.pass_times = lambda current, after: with_slow_carriers(right_times(current, after))
+    wrong.pass_times = SlowCarriersTimes(layout)
     wrong.of_pickers = {name: with_slow_carriers(times) for name, times in wrong.of_pickers.items()}
     assert Bounds(layout).bottleneck == "carriers"
     assert long_run(layout, bounds=wrong).bins_per_hour == pytest.approx(rate)
+
+
+class SlowCarriersTimes(PassTimes):
+    """The times of passes with plans that are twice too slow for carriers."""
+
+    def of(self, current, after):
+        return with_slow_carriers(super().of(current, after))
 
 
 def with_slow_carriers(times):

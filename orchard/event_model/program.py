@@ -17,6 +17,13 @@ from orchard.event_model import codes as c
 from orchard.event_model import program_columns
 from orchard.event_model.draws import has_failures
 from orchard.event_model.pass_speeds import PassSpeeds
+from orchard.event_model.repeated_parts import (
+    Beginning,
+    Part,
+    beginning_of,
+    end_of_part,
+    of_pass,
+)
 from orchard.event_model.tables import Lines, PlaceLists, Table
 from orchard.event_model.writer import (
     INSERTING,
@@ -24,6 +31,7 @@ from orchard.event_model.writer import (
     along,
     failing,
     handling,
+    metres_until_picking,
     pace,
     put_by,
     seen,
@@ -78,6 +86,7 @@ class Program:
         self.frees = Table(program_columns.GATE)
         self.passes = Table(program_columns.PASS)
         self.pass_speeds = PassSpeeds()
+        self._parts: dict[Beginning | None, Part] = {}
         # Of each op the step, for a trace; None at the end of a plan.
         self.steps: list[Step | None] = []
         # The first op of a plan -> of each of its steps the op at which it, or what follows it,
@@ -267,9 +276,41 @@ class Program:
         """
         first = len(self.ops)
         begins = self.begins[first] = []
+        while writer.number < len(writer.steps):
+            end = end_of_part(writer)
+            # Together with the step that begins the next part.
+            steps = writer.steps[writer.number : end + 1]
+            beginning = beginning_of(writer)
+            known = self._parts.get(beginning)
+            if known is not None and known.steps == steps:
+                self._copy_part(known, writer, begins)
+                continue
+            part = self._translate_part(writer, steps, end, begins)
+            if part.is_of_pass and not writer.otherwise:
+                self._parts[beginning] = part
+        begins.append(len(self.ops))
+        self._append(None, c.END)
+        for decides, instead, pose in writer.otherwise:
+            other = Writer(list(instead), pose, writer.machine)
+            self.ops.array[decides].arg = self._translate(other)
+        return first
+
+    def _translate_part(
+        self, writer: Writer, steps: list[Step], end: int, begins: list[int]
+    ) -> Part:
+        """Translate the steps of a plan up to the number `end`, and return them as a part.
+
+        `steps`: as the part keeps them. `begins`: the list of the plan, which goes on here.
+        """
+        first = len(self.ops)
+        passes = list(writer.passes)
+        number = passes[0][0] if passes else c.NONE
+        before = len(begins)
+        steps_done = end - writer.number
+        left = len(writer.steps) - end
         # Each look-up of a method with many forms costs as much as a short step.
         write = self._write
-        while writer.number < len(writer.steps):
+        while len(writer.steps) - writer.number > left:
             step = writer.steps[writer.number]
             if isinstance(step, INSERTING):
                 # What it puts in its place is translated next.
@@ -279,11 +320,31 @@ class Program:
             write(step, writer)
             writer.pose, _ = step.motion(writer.pose, writer.machine)
             writer.number += 1
-        begins.append(len(self.ops))
-        self._append(None, c.END)
-        for decides, steps, pose in writer.otherwise:
-            self.ops.array[decides].arg = self._translate(Writer(list(steps), pose, writer.machine))
-        return first
+        ops = self.ops.plain[first:].copy()
+        return Part(
+            steps=steps,
+            steps_done=steps_done,
+            number=number,
+            passes_done=len(passes) - len(writer.passes),
+            first=first,
+            last=len(self.ops),
+            ops=ops,
+            of_pass=of_pass(ops),
+            begins=begins[before:],
+            pose=writer.pose,
+            state=writer.state,
+        )
+
+    def _copy_part(self, part: Part, writer: Writer, begins: list[int]) -> None:
+        """Do what `_translate_part` would do, if it has translated the same part before."""
+        later = len(self.ops) - part.first
+        self.ops.extend(part.with_number(writer.passes[0][0]))
+        self.steps += self.steps[part.first : part.last]
+        begins += [begin + later for begin in part.begins]
+        del writer.passes[: part.passes_done]
+        writer.pose = part.pose
+        writer.state = part.state
+        writer.number += part.steps_done
 
     # -- steps
 
@@ -451,19 +512,9 @@ class Program:
 
     def _begin_row_on_drive(self, step: st.DriveTo, writer: Writer, metres: float) -> None:
         """Let a bin see that its picker drives to fruit, perhaps through a part of the row."""
-        # The pattern that is looked for: perhaps Say "driving" and another drive, then Say
-        # "picking".
-        following = writer.steps[writer.number + 1 : writer.number + 4]
-        states = [after.state if isinstance(after, st.Say) else "" for after in following]
-        if "picking" not in states or states[0] not in ("driving", "picking"):
-            return
-        here = step.x
-        for after in following[: states.index("picking")]:
-            if isinstance(after, st.DriveTo):
-                assert here is not None
-                assert after.x is not None
-                metres += abs(after.x - here)
-        self._append_begin_row(step, writer, metres)
+        further = metres_until_picking(step, writer)
+        if further is not None:
+            self._append_begin_row(step, writer, metres + further)
 
     def _append_begin_row(self, step: Step, writer: Writer, before: float) -> None:
         """Append what tells a bin when it will be full.

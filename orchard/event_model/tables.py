@@ -31,6 +31,19 @@ class Table:
         self._rows[self._count] = tuple(map(values.get, self._names, repeat(0)))
         self._count += 1
 
+    def extend(self, rows: np.ndarray) -> None:
+        """Append some rows."""
+        last = self._count + len(rows)
+        while last > len(self._rows):
+            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
+        self._rows[self._count : last] = rows
+        self._count = last
+
+    @property
+    def plain(self) -> np.ndarray:
+        """The rows alone, of which columns are read by `array["name"]`."""
+        return self._rows[: self._count]
+
     @property
     def array(self) -> np.ndarray:
         """The rows, with space behind them. When a row is appended it may become another array."""

@@ -122,6 +122,26 @@ def _picking_pass(step: st.DriveTo, writer: Writer, layout: Layout) -> int | Non
     return number
 
 
+def metres_until_picking(step: st.DriveTo, writer: Writer) -> float | None:
+    """Return how far a picker drives after a drive until it picks, m; None if it does more before.
+
+    It drives to its fruit, perhaps with one more drive through a part of the row.
+    """
+    # The pattern that is looked for: perhaps Say "driving" and another drive, then Say "picking".
+    following = writer.steps[writer.number + 1 : writer.number + 4]
+    states = [after.state if isinstance(after, st.Say) else "" for after in following]
+    if "picking" not in states or states[0] not in ("driving", "picking"):
+        return None
+    metres = 0.0
+    here = step.x
+    for after in following[: states.index("picking")]:
+        if isinstance(after, st.DriveTo):
+            assert here is not None
+            assert after.x is not None
+            metres += abs(after.x - here)
+    return metres
+
+
 def seen(writer: Writer, layout: Layout, route: OneWay) -> dict[str, Any]:
     """Return the columns of a drive that tell what a picker's bin sees of it."""
     if not writer.passes:

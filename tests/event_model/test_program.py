@@ -3,12 +3,17 @@
 An op is a step as a row of numbers, which the machine does. Here ops last as long as their steps.
 """
 
+from typing import Any
+
 import pytest
 from quiet import NOBODY, quiet_layouts
 
+from orchard.discrete.harvest import picked_again
 from orchard.event_model import start
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.program import SIDES, Program
+from orchard.event_model.program_columns import OP
+from orchard.event_model.repeated_parts import Part
 from orchard.field.layout import Layout, lay_out
 from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP, Scenario
@@ -59,6 +64,28 @@ def test_a_step_that_the_model_does_not_know_is_named(monkeypatch: pytest.Monkey
     monkeypatch.setattr(OneWay, "harvest", harvest)
     with pytest.raises(NotImplementedError, match="does not know the step Fill"):
         Program(lay_out(Scenario(rows=3, pickers=2, carriers=1)))
+
+
+@pytest.mark.parametrize("layout", LAYOUTS, ids=range(len(LAYOUTS)))
+def test_a_part_that_comes_again_is_copied_rightly(
+    layout: Layout, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A plan in which rows are picked again and again has the ops that its steps have one by one."""
+    again = picked_again(layout, 7)
+    copied = Program(again)
+    monkeypatch.setattr(Part, "is_of_pass", False)
+    assert ops_of(copied) == ops_of(Program(again))
+
+
+def ops_of(program: Program) -> list[Any]:
+    """Return all ops with their gates, the steps of which they are made, and where steps begin."""
+    ops = []
+    for op in program.ops.plain:
+        needs = program.needs.plain[op["first_need"] : op["last_need"]]
+        frees = program.frees.plain[op["first_free"] : op["last_free"]]
+        columns = [op[name].item() for name in OP.names if not name.startswith(("first_", "last_"))]
+        ops.append((columns, needs.tolist(), frees.tolist()))
+    return [ops, program.steps, program.begins]
 
 
 @pytest.mark.parametrize("seed", [2, 4])

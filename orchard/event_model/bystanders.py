@@ -84,11 +84,13 @@ class Bystanders:
         """Return the ticks for which a robot stands at a meeting."""
         return ticks_of_meeting(draw(self.seed, STANDING + robot, number)[0])
 
-    def turning_ticks(self, robot: str, number: int, is_towing: bool) -> int:
-        """Return the ticks for which a robot stands before a turn: until all have told where they
-        are, and while one is near.
+    def turning_ticks(self, robot: str, number: int) -> tuple[int, int]:
+        """Return the ticks for which a robot stands before a turn without a bin, and with one:
+        until all have told where they are, and while one is near.
         """
         if not self.density:
-            return 0
+            return 0, 0
         is_near, stays = draw(self.seed, LOOKING + robot, number, 2)
-        return ticks_of_look(is_near, stays, self.nearness(robot, is_towing))
+        alone = ticks_of_look(is_near, stays, self.nearness(robot, is_towing=False))
+        towing = ticks_of_look(is_near, stays, self.nearness(robot, is_towing=True))
+        return alone, towing

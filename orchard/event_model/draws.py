@@ -1,12 +1,13 @@
 """The random draws of a harvest: when robots fail, whom they meet, how long they look before turns.
 
-They are drawn in advance, FIRST of each kind for each robot, and twice as many when a robot has
-used all of its own. Each draw belongs to the seed, the robot and its number, so more of them change
-none. They are kept: fleets that are compared have the same seeds.
+They are drawn in advance, FIRST of each kind for each robot, and twice as many of a kind when a
+robot has used all of its own. Each draw belongs to the seed, the robot and its number, so more of
+them change none. They are kept: fleets that are compared have the same seeds.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -18,26 +19,47 @@ from orchard.field.picking import failure
 from orchard.field.scenario import Scenario
 
 # Draws of each kind for each robot, at first.
-FIRST = 8
+FIRST = MappingProxyType({"failures": 8, "encounters": 8, "looks": 8})
+NO_DRAWS = MappingProxyType(dict.fromkeys(FIRST, 0))
+# Of each kind the column of a robot that tells how many it has used.
+USED = MappingProxyType({"failures": "failures", "encounters": "meetings", "looks": "turns"})
+# The machine wants so many draws of each robot that are not used yet.
+RESERVE = 1
+# Draws of one robot that are made together, at first.
+PART = 8
 # Parts of the draws of robots that are kept: those of some hundred robots and seeds.
 KEPT = 4096
 
 
 def draws(
-    layout: Layout, names: Sequence[str], count: int, failure_seed: int | None
+    layout: Layout, names: Sequence[str], counts: Mapping[str, int], failure_seed: int | None
 ) -> dict[str, np.ndarray]:
-    """Return arrays of a model with so many draws for each robot; none of what does not happen.
+    """Return arrays of a model with draws for each robot; none of what does not happen.
 
-    `failure_seed`: that of failures; None: no robot fails.
+    `counts`: of each array how many of each robot. `failure_seed`: that of failures; None: no robot
+    fails.
     """
     bystanders = Bystanders.of(layout)
-    of_ways = count if bystanders.density else 0
-    of_failures = 0 if failure_seed is None else count
+    if not bystanders.density:
+        counts = {**counts, "encounters": 0, "looks": 0}
+    if failure_seed is None:
+        counts = {**counts, "failures": 0}
     return {
-        "failures": _table(_failures, failure_seed, names, of_failures, columns.FAILURE),
-        "encounters": _table(_encounters, bystanders, names, of_ways, columns.ENCOUNTER),
-        "looks": _table(_looks, bystanders, names, of_ways, columns.LOOK),
+        "failures": _table(_failures, failure_seed, names, counts["failures"], columns.FAILURE),
+        "encounters": _table(
+            _encounters, bystanders, names, counts["encounters"], columns.ENCOUNTER
+        ),
+        "looks": _table(_looks, bystanders, names, counts["looks"], columns.LOOK),
     }
+
+
+def more_draws(counts: Mapping[str, int], robots: np.recarray) -> dict[str, int]:
+    """Return how many draws of each robot are needed: twice as many of what one has used up."""
+    more = dict(counts)
+    for name, used in USED.items():
+        if robots[used].max() + RESERVE >= counts[name]:
+            more[name] *= 2
+    return more
 
 
 def has_failures(scenario: Scenario) -> bool:
@@ -62,7 +84,7 @@ def _table(
         # In parts that double, so that those of a harvest with more draws are found in the cache.
         first = 0
         while first < count:
-            last = min(count, max(FIRST, 2 * first))
+            last = min(count, max(PART, 2 * first))
             table[robot, first:last] = drawn(source, name, first, last)
             first = last
     return table
@@ -90,7 +112,5 @@ def _looks(bystanders: Bystanders, name: str, first: int, last: int) -> np.ndarr
     """Return how long a robot stands before its turns. Turns count from 1."""
     looks = []
     for number in range(first, last):
-        without = bystanders.turning_ticks(name, number + 1, is_towing=False)
-        towing = bystanders.turning_ticks(name, number + 1, is_towing=True)
-        looks.append((without, towing))
+        looks.append(bystanders.turning_ticks(name, number + 1))
     return np.array(looks, columns.LOOK)

@@ -5,7 +5,7 @@ lets the machine carry them on, and does what the machine stops for: see "why th
 in codes.py.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
@@ -18,7 +18,7 @@ import numpy as np
 from orchard.dispatch.policy import Assignment
 from orchard.event_model import codes as c
 from orchard.event_model import columns
-from orchard.event_model.draws import FIRST, draws
+from orchard.event_model.draws import FIRST, draws, more_draws
 from orchard.event_model.kernel.drives import FAR
 from orchard.event_model.kernel.entry import addressed, run, with_arrays
 from orchard.event_model.known import refuse_unknown
@@ -61,7 +61,7 @@ class EventHarvest:
         self.bin_names = prepared.bin_names
         own = {name: getattr(prepared.model, name).copy() for name in STATE}
         own["speeds"] = prepared.program.pass_speeds.in_layout(layout)
-        self._drawn = FIRST
+        self._drawn: Mapping[str, int] = FIRST
         # The layout whose seed decides which people and animals robots meet.
         self._met_in = layout
         own |= self._draws()
@@ -227,8 +227,8 @@ class EventHarvest:
                 return reason
 
     def _draw_more(self) -> None:
-        """Draw twice as much of what happens at random."""
-        self._drawn *= 2
+        """Draw more of what happens at random."""
+        self._drawn = more_draws(self._drawn, self.model.robots)
         self._model = with_arrays(self.model, self._draws())
         self.model.desk.lacks_draws = False
 

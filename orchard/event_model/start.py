@@ -12,7 +12,7 @@ import numpy as np
 
 from orchard.event_model import codes as c
 from orchard.event_model import columns
-from orchard.event_model.draws import draws
+from orchard.event_model.draws import NO_DRAWS, draws
 from orchard.event_model.kernel.entry import addressed
 from orchard.event_model.known import COMPILED
 from orchard.event_model.program import Program
@@ -113,7 +113,7 @@ def _initial(
         jobs=program.jobs,
         ways=program.ways,
         speeds=np.zeros(len(program.passes)),
-        **draws(layout, [start.name for start in starts], 0, None),
+        **draws(layout, [start.name for start in starts], NO_DRAWS, None),
         absences=_absences(layout, [start.name for start in starts]),
         robots=_robots(program, starts, bin_names),
         sets=np.zeros((c.SETS, count, program.places.words), np.uint64),

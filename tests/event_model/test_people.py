@@ -10,5 +10,5 @@ def test_more_is_drawn_when_a_robot_has_used_all() -> None:
     """FIRST meetings are drawn for each robot. Here one robot needs more."""
     layout = lay_out(Scenario(rows=8, pickers=2, carriers=2, dispatch="predictive"))
     robots = EventHarvest(layout).run().model.robots
-    assert robots.turns.max() > FIRST
+    assert robots.turns.max() > FIRST["looks"]
     assert robots.meetings.max() > 0

@@ -70,7 +70,7 @@ def test_a_step_that_the_model_does_not_know_is_named(monkeypatch: pytest.Monkey
 def test_a_part_that_comes_again_is_copied_rightly(
     layout: Layout, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A plan in which rows are picked again and again has the ops that its steps have one by one."""
+    """A plan in which rows are picked again and again has the ops of its steps one by one."""
     again = picked_again(layout, 7)
     copied = Program(again)
     monkeypatch.setattr(Part, "is_of_pass", False)

@@ -20,7 +20,7 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from orchard.event_model import columns
 from orchard.event_model.batch import harvests
-from orchard.event_model.draws import draws
+from orchard.event_model.draws import FIRST, draws
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, with_changes
 from orchard.gym import dispatch_env, dispatch_vec_env
@@ -247,7 +247,7 @@ def test_compiled_draws_are_those_of_python(seed):
     names = [name for name in names if name.startswith(("carrier_", "picker_"))]
     layout = lay_out(with_changes(env.scenario, seed=seed))
     batch._widen(64)
-    for name, drawn in draws(layout, names, 4, seed).items():
+    for name, drawn in draws(layout, names, dict.fromkeys(FIRST, 4), seed).items():
         assert batch.arrays["episodes"][name][1] >= 4
         count = batch.arrays["episodes"][name][1]
         of_robots = batch.arrays[name][1, : count * len(names)].reshape(len(names), count)

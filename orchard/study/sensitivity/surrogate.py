@@ -16,14 +16,17 @@ a slope is its factor in the polynomial. n points, f values (factors), t terms.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 from scipy import special
-from scipy.stats import qmc
 
 from orchard.study.result import Interval
 from orchard.study.sensitivity.factors import Factor
+
+if TYPE_CHECKING:
+    from scipy.stats.qmc import QMCEngine
 
 Array = npt.NDArray[np.float64]
 
@@ -62,8 +65,16 @@ def points_for(factors: int) -> int:
 
 def design(factors: int, points: int, seed: int) -> Array:
     """Return quasi-random points of the unit cube, (points, factors), the same for each seed."""
-    sampler = qmc.Sobol(factors, scramble=True, rng=np.random.default_rng([seed, DESIGN]))
+    sampler = _sobol(factors, np.random.default_rng([seed, DESIGN]))
     return np.asarray(sampler.random(points), dtype=np.float64)
+
+
+def _sobol(values: int, random: np.random.Generator) -> "QMCEngine":
+    """Return a source of quasi-random points of so many values, each from 0 to 1."""
+    # It takes a second to load, and most studies do not need it.
+    from scipy.stats import qmc
+
+    return qmc.Sobol(values, scramble=True, rng=random)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,7 +148,7 @@ def shares_of(
     terms = _Terms(_terms_of(len(factors), degree))
     terms = _beyond_errors(terms, places, means)
     # Two samples of all values are drawn together: A and B of `_Fit`.
-    sampler = qmc.Sobol(2 * len(factors), scramble=True, rng=np.random.default_rng([seed, SAMPLE]))
+    sampler = _sobol(2 * len(factors), np.random.default_rng([seed, SAMPLE]))
     fit = _Fit(factors, terms, places, sampler)
     random = np.random.default_rng([seed, RESAMPLE])
     return _with_intervals(fit, means, _luck(results), confidence, random)
@@ -211,7 +222,7 @@ class _Fit:
     """
 
     def __init__(
-        self, factors: Sequence[Factor], terms: _Terms, places: Array, sampler: qmc.QMCEngine
+        self, factors: Sequence[Factor], terms: _Terms, places: Array, sampler: "QMCEngine"
     ) -> None:
         self.factors = factors
         self.terms = terms
@@ -221,7 +232,7 @@ class _Fit:
         self.weights = np.clip(np.sum(self.columns * self.inverse.T, axis=1), 0.0, MOST_WEIGHT)
         self._sample(sampler)
 
-    def _sample(self, sampler: qmc.QMCEngine) -> None:
+    def _sample(self, sampler: "QMCEngine") -> None:
         """Compute the matrices of the variances from samples of the polynomial.
 
         There are two samples, A and B, and for each value a third one: A with this value of B.

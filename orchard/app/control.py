@@ -15,6 +15,7 @@ from nicegui.events import GenericEventArguments
 from orchard.app.draft import Draft
 from orchard.app.elements import mark_wrong, note
 from orchard.app.entries import MEASURES, Entry
+from orchard.app.typed_field import TypedField
 from orchard.app.typed_numbers import number_of, shown
 
 # Significant digits of a number that the program works out.
@@ -75,15 +76,15 @@ class Control:
         choice = ui.select([*self.entry.choices], on_change=self._entered)
         return choice.classes("grow").props("dense outlined options-dense")
 
-    def _build_text(self) -> ui.input:
+    def _build_text(self) -> TypedField:
         """Add a field for a text, such as a time of day."""
-        return ui.input(on_change=self._typed).classes("grow").props(TEXT)
+        return TypedField(self._typed).classes("grow").props(TEXT)
 
-    def _build_number(self) -> ui.input:
+    def _build_number(self) -> TypedField:
         """Add a text field; with a slider before it, if the range is known."""
         if self.entry.has_slider:
             self._slider = self._build_slider()
-        text = ui.input(on_change=self._typed)
+        text = TypedField(self._typed)
         text.on("focus", js_handler=SELECT_ON_FOCUS)
         text.on("click", js_handler=SELECT_ON_FIRST_CLICK)
         text.classes("grow" if self._slider is None else "number")

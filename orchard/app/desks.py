@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from orchard.app.draft import Draft
 from orchard.app.harvest_run import RunSettings
+from orchard.app.sensitivity_run import SensitivitySettings
 from orchard.app.study_run import StudySettings
 from orchard.field.scenario import Scenario
 
@@ -19,6 +20,7 @@ class Desk:
     draft: Draft = field(default_factory=lambda: Draft(Scenario()))
     settings: RunSettings = field(default_factory=RunSettings)
     study: StudySettings = field(default_factory=StudySettings)
+    sensitivity: SensitivitySettings = field(default_factory=SensitivitySettings)
     #: What was entered before a preset, a file or a link replaced it; None if nothing did.
     replaced: Draft | None = None
     #: The words for the button that brings it back.

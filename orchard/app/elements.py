@@ -24,6 +24,13 @@ def note(props: str, classes: str = "field-problem") -> ui.label:
     return label.bind_visibility_from(label, "text", backward=bool)
 
 
+def labelled(name: str) -> ui.element:
+    """Add a field of a study with a label. Return its box."""
+    with ui.element("div").classes("study-field") as box:
+        ui.label(name).classes("field-label")
+    return box
+
+
 def button(
     words: str, act: Callable[..., Any], action: str, icon: str | None = None, props: str = "flat"
 ) -> ui.button:

@@ -20,8 +20,9 @@ from orchard.app.harvest_run import SETTINGS, HarvestCommand, Harvests, RunSetti
 from orchard.app.link import query_of
 from orchard.app.own_classes import from_elsewhere, may_run
 from orchard.app.preview import FiguresView, derive
+from orchard.app.questions import Questions
 from orchard.app.run_controls import RunControls
-from orchard.app.study_run import Studies
+from orchard.app.sensitivity_view import SensitivityView
 from orchard.app.study_view import StudyView
 from orchard.app.views import ProgressView, Stage
 from orchard.app.what_if import Fork
@@ -66,13 +67,13 @@ class Entered:
 class Page:
     """A page in one browser, which begins with what was entered there last.
 
-    All pages share one run and one study.
+    All pages share one run, and one study of each kind.
     """
 
-    def __init__(self, runs: Harvests, studies: Studies, desk: Desk) -> None:
+    def __init__(self, runs: Harvests, questions: Questions, desk: Desk) -> None:
         """`desk`: what was entered in this browser, and takes what is entered here."""
         self.runs = runs
-        self.studies = studies
+        self.questions = questions
         self.desk = desk
         self.draft = copy(desk.draft)
         # As it was when the page was drawn last.
@@ -106,11 +107,17 @@ class Page:
                 self.form = Form(self.draft)
             with _section("answer-card", "How many carriers?"):
                 self.estimate = EstimateView()
-                StudyView(self.studies, self.desk, lambda: self.draft.scenario, self._offer)
+                StudyView(self.questions.fleets, self.desk, self._drafted, self._offer)
+            with _section("answer-card", "What does it hang on?"):
+                SensitivityView(self.questions.sensitivities, self.desk, self._drafted)
             with ui.element("div").classes("middle"):
                 self.stage = Stage(self.runs.folder, self._offer, self._go_on)
                 with _section("figures", "Figures before the run"):
                     self.figures = FiguresView()
+
+    def _drafted(self) -> Scenario | None:
+        """Return the scenario that is entered; None if it is invalid."""
+        return self.draft.scenario
 
     def _build_files(self) -> None:
         # Its words change. Here no other button moves with them, from under a click.

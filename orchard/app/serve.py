@@ -19,7 +19,7 @@ from orchard.app.harvest_run import Harvests
 from orchard.app.link import draft_of
 from orchard.app.own_origin import guard
 from orchard.app.page import PATIENCE, Page
-from orchard.app.study_run import Studies
+from orchard.app.questions import Questions
 from orchard.app.unseen import UnseenPages
 
 ICON = "🥝"
@@ -32,7 +32,7 @@ def serve(host: str, port: int, folder: Path, shows: bool) -> None:
     """
     _check_address(host, port)
     runs = Harvests(folder, "harvest")
-    studies = Studies(folder, "study")
+    questions = Questions(folder)
     desks = Desks()
     unseen = UnseenPages()
 
@@ -43,7 +43,7 @@ def serve(host: str, port: int, folder: Path, shows: bool) -> None:
         browser = app.storage.browser["id"]
         desk = desks.of(browser)
         client.on_connect(partial(desks.keep, browser, desk))
-        shown = Page(runs, studies, desk)
+        shown = Page(runs, questions, desk)
         query = client.request.query_params.multi_items()
         if query:
             # A reload shows what was entered since, and not the link again.
@@ -55,7 +55,7 @@ def serve(host: str, port: int, folder: Path, shows: bool) -> None:
     secret = token_hex()
     guard(app, host, secret)
     app.on_shutdown(runs.close)
-    app.on_shutdown(studies.close)
+    app.on_shutdown(questions.close)
     print(f"The page is at http://{host}:{port}  (Ctrl-C stops the server)", flush=True)
     with contextlib.suppress(KeyboardInterrupt):
         signal.signal(signal.SIGINT, signal.default_int_handler)

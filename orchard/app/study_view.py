@@ -9,9 +9,9 @@ from nicegui import run, ui
 from nicegui.events import ValueChangeEventArguments
 
 from orchard.app.also_compared import COMPARED_LABEL, comparable
-from orchard.app.command import STATE_COLOURS
+from orchard.app.command import STATE_COLOURS, PageCommand
 from orchard.app.desks import Desk
-from orchard.app.elements import StartAndStop, button, heading, note, several, table
+from orchard.app.elements import StartAndStop, button, heading, labelled, note, several, table
 from orchard.app.own_classes import CHOICES
 from orchard.app.study_run import (
     BUDGET_LABEL,
@@ -98,14 +98,14 @@ class StudyView:
         self._build_compared()
         self._choice("Dispatch policies", "dispatch")
         self._choice("Routes", "route")
-        with self._labelled(HORIZON_LABEL):
+        with labelled(HORIZON_LABEL):
             self._horizon = ui.toggle(
                 HORIZONS,
                 value=self._settings.horizon,
                 on_change=self._enter_horizon,
             )
             self._horizon.props("dense no-caps unelevated data-field=horizon")
-        with self._labelled(BUDGET_LABEL):
+        with labelled(BUDGET_LABEL):
             text = ui.input(
                 value=self._settings.budget,
                 on_change=self._enter_budget,
@@ -118,7 +118,7 @@ class StudyView:
 
     def _build_compared(self) -> None:
         """Add the fields for one more setting to compare, and its values."""
-        with self._labelled(COMPARED_LABEL), ui.element("div").classes("field-body"):
+        with labelled(COMPARED_LABEL), ui.element("div").classes("field-body"):
             setting = ui.select(
                 {"": "nothing", **comparable()},
                 value=self._settings.compared,
@@ -149,7 +149,7 @@ class StudyView:
 
     def _build_deadline(self) -> None:
         """Add the field for the time by which the harvest must be done."""
-        box = self._labelled(DEADLINE_LABEL)
+        box = labelled(DEADLINE_LABEL)
         with box, ui.element("div").classes("field-body"):
             text = ui.input(
                 value=self._settings.deadline,
@@ -176,12 +176,6 @@ class StudyView:
         """Take whether the deadline is in hours of work or in days."""
         self._enter(deadline_unit=event.value)
 
-    def _labelled(self, name: str) -> ui.element:
-        """Add a field with a label. Return its box."""
-        with ui.element("div").classes("study-field") as box:
-            ui.label(name).classes("field-label")
-        return box
-
     def _choice(self, name: str, field: str) -> None:
         """Add a choice of rules. `field`: of the settings, and of the scenario."""
         rules = CHOICES[field]
@@ -190,7 +184,7 @@ class StudyView:
         def choose(event: ValueChangeEventArguments[Any]) -> None:
             self._enter(**{field: tuple(rule for rule in rules if rule in event.value)})
 
-        with self._labelled(name):
+        with labelled(name):
             several(rules, chosen, f"study-{field}", name, choose)
 
     # -- user actions
@@ -339,7 +333,12 @@ def _without_answer(study: StudyRun, is_over: bool) -> str:
     """Return why a study has no answer."""
     if not is_over:
         return "\n".join(["The study begins.", *study.output.lines[-1:]])
-    last = "\n".join(study.output.lines[-LAST_WORDS:])
+    return last_words(study)
+
+
+def last_words(command: PageCommand) -> str:
+    """Return what a command without an answer has printed last."""
+    last = "\n".join(command.output.lines[-LAST_WORDS:])
     return f"There is no answer. The last messages:\n{last}"
 
 

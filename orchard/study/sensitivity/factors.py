@@ -58,6 +58,10 @@ USUAL_SHARE = 0.10
 # Digits of a value that is moved: so it can be shown as it is.
 DIGITS = 5
 FORM = "must be KEY, KEY=LOW..HIGH or KEY=SHARE%, such as picking_rate=1.2..1.8 or carriers=20%"
+# What would be right where no share of a value can be moved.
+SAY_RANGE = "say KEY=LOW..HIGH"
+# More factors would need more than a thousand harvests.
+MOST_FACTORS = 16
 _NUMBER = r"\s*(-?(?:\d+\.?\d*|\.\d+))\s*"
 _RANGE = re.compile(rf"{_NUMBER}\.\.{_NUMBER}")
 _SHARE = re.compile(rf"{_NUMBER}%\s*")
@@ -168,15 +172,15 @@ def _factor_of(scenario: Scenario, key: str, word: str) -> Factor:
     if bounds is not None:
         return _ranged(key, float(bounds[1]), float(bounds[2]))
     if value is None:
-        raise FactorError("it is not set, so no share of it can be moved; say KEY=LOW..HIGH")
+        raise FactorError(f"it is not set, so no share of it can be moved; {SAY_RANGE}")
     share = SHARES.get(key, USUAL_SHARE)
     if equals:
         share = _share_of(text)
     if not value:
-        raise FactorError("it is 0, and a share of 0 is 0; say KEY=LOW..HIGH")
+        raise FactorError(f"it is 0, and a share of 0 is 0; {SAY_RANGE}")
     factor = _moved(key, value, share)
     if factor.low >= factor.high:
-        raise FactorError(f"{value:g} has no room to be moved; say KEY=LOW..HIGH")
+        raise FactorError(f"{value:g} has no room to be moved; {SAY_RANGE}")
     return factor
 
 

@@ -22,7 +22,7 @@ from orchard.study.orchard_words import orchard_words
 from orchard.study.replications import Replications
 from orchard.study.result import Goal, Interval, StoppedBy
 from orchard.study.runs import RunRecord, software
-from orchard.study.sensitivity.factors import Factor
+from orchard.study.sensitivity.factors import MOST_FACTORS, Factor
 from orchard.study.sensitivity.result import Effect, SensitivityResult
 from orchard.study.sensitivity.surrogate import (
     RUNS_OF_A_POINT,
@@ -45,8 +45,6 @@ GOOD_FIT = 0.9
 # From here on the mean results at the ends of the values are shown too: a fit errs most there.
 FIT_OF_ENDS = 0.98
 NONE = Interval(mean=0.0, low=0.0, high=0.0)
-# More factors would need more than a thousand harvests.
-MOST_FACTORS = 16
 # How many points that jam a note names.
 MOST_JAMS_NAMED = 3
 # Percent of the runs on each side of the spread that is shown, which has 95 % of them.

@@ -4,6 +4,7 @@ from collections import OrderedDict
 from dataclasses import dataclass, field
 
 from orchard.app.draft import Draft
+from orchard.app.farm_run import FarmSettings
 from orchard.app.harvest_run import RunSettings
 from orchard.app.sensitivity_run import SensitivitySettings
 from orchard.app.study_run import StudySettings
@@ -21,6 +22,7 @@ class Desk:
     settings: RunSettings = field(default_factory=RunSettings)
     study: StudySettings = field(default_factory=StudySettings)
     sensitivity: SensitivitySettings = field(default_factory=SensitivitySettings)
+    farm: FarmSettings = field(default_factory=FarmSettings)
     #: What was entered before a preset, a file or a link replaced it; None if nothing did.
     replaced: Draft | None = None
     #: The words for the button that brings it back.

@@ -15,6 +15,7 @@ from orchard.app.draft import Draft, counted_fields
 from orchard.app.elements import StartAndStop, button, dialog, note, while_alive
 from orchard.app.entries import label_of
 from orchard.app.estimate import EstimateView
+from orchard.app.farm_view import FarmView
 from orchard.app.form import Form
 from orchard.app.harvest_run import SETTINGS, HarvestCommand, Harvests, RunSettings
 from orchard.app.link import query_of
@@ -110,6 +111,12 @@ class Page:
                 StudyView(self.questions.fleets, self.desk, self._drafted, self._offer)
             with _section("answer-card", "What does it hang on?"):
                 SensitivityView(self.questions.sensitivities, self.desk, self._drafted)
+            with (
+                _section("answer-card", "Several blocks"),
+                ui.expansion("Several blocks, one fleet").classes("experts") as farm,
+            ):
+                farm.props("data-view=farm")
+                FarmView(self.questions.farms, self.desk, self._drafted, self._offer)
             with ui.element("div").classes("middle"):
                 self.stage = Stage(self.runs.folder, self._offer, self._go_on)
                 with _section("figures", "Figures before the run"):

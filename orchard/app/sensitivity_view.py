@@ -8,9 +8,9 @@ from typing import Any
 from nicegui import run, ui
 from nicegui.events import ValueChangeEventArguments
 
-from orchard.app.command import STATE_COLOURS
+from orchard.app.answer_view import INVALID, LOOK_SECONDS, AnswerView
 from orchard.app.desks import Desk
-from orchard.app.elements import StartAndStop, button, heading, labelled, note, table
+from orchard.app.elements import button, heading, labelled, table
 from orchard.app.sensitivity_run import (
     FAR_LABEL,
     MOVED_LABEL,
@@ -19,7 +19,7 @@ from orchard.app.sensitivity_run import (
     movable,
 )
 from orchard.app.study_run import BUDGET_LABEL, HORIZON_LABEL
-from orchard.app.study_view import HORIZONS, last_words
+from orchard.app.study_view import HORIZONS
 from orchard.field.scenario import Scenario
 from orchard.study.sensitivity.result import SensitivityResult
 from orchard.study.sensitivity.words import HEADS, legend, rows_of
@@ -29,58 +29,28 @@ HINT = (
     "Moves the values that you know only roughly, all at once, and tells which of them matters. So"
     " you know what to measure first."
 )
-# Between two looks at the command.
-LOOK_SECONDS = 0.3
-CHANGED = "Stopped, because something that it asks about was changed. Ask again."
 # How a field for a text looks.
 TEXT = "dense outlined autocomplete=off input-class=figure"
 
 
-class SensitivityView:
-    """The fields, Start and Stop, the bar, and what was found.
-
-    All pages share one sensitivity at a time. The page that has started it stops it when an input
-    changes.
-    """
+class SensitivityView(AnswerView):
+    """The fields and the answer. All pages share one sensitivity at a time."""
 
     def __init__(
         self, sensitivities: Sensitivities, desk: Desk, drafted: Callable[[], Scenario | None]
     ) -> None:
         """`drafted`: gives the form's scenario; None if it is invalid."""
-        self._sensitivities = sensitivities
         self._desk = desk
         self._drafted = drafted
         self._settings = desk.sensitivity
-        # The one that this page has started.
-        self._own: SensitivityRun | None = None
-        # The one that is shown with its answer.
-        self._shown: SensitivityRun | None = None
-        with ui.element("div").props("data-view=hangs"):
-            with ui.element("div").classes("study-buttons"):
-                self._fields = ui.element("div")
-                self._buttons = StartAndStop(
-                    sensitivities,
-                    self._fields,
-                    QUESTION,
-                    self._start,
-                    ("hangs-start", "hangs-stop"),
-                )
-                self._badge = ui.badge().props("data-view=hangs-state")
-                ui.label(HINT).classes("study-hint")
-            self._trouble = note("data-problem=hangs role=alert")
-            self._bar = ui.linear_progress(value=0.0, show_value=False, size="8px")
-            self._bar.props('rounded instant-feedback aria-label="Runs that are done"')
-            self._answer = note("data-view=hangs-answer role=status", "answer")
-            self._notes = note("data-view=hangs-notes", "classes")
-            self._picture = ui.html("", sanitize=False).classes("study-picture")
-            self._picture.props("data-view=hangs-picture")
-            self._table = ui.element("div").classes("summary sides").props("data-view=hangs-table")
-            self._report = button("Save the report", self._download, "hangs-report", "download")
-            with ui.expansion("Move other values, or further").classes("experts") as more:
-                more.props("data-view=hangs-more")
-                with ui.element("div").classes("study-fields"):
-                    self._build_fields()
-        self._enter()
+        super().__init__(sensitivities, "hangs", QUESTION, HINT)
+        self._report = button("Save the report", self._download, "hangs-report", "download")
+        self._report.set_visibility(False)
+        with ui.expansion("Move other values, or further").classes("experts") as more:
+            more.props("data-view=hangs-more")
+            with ui.element("div").classes("study-fields"):
+                self._build_fields()
+        self._update()
         ui.timer(LOOK_SECONDS, self._watch)
 
     # -- the fields
@@ -97,7 +67,7 @@ class SensitivityView:
             )
             moved.classes("several").props(
                 "dense outlined options-dense use-chips data-field=hangs-moved"
-                f' aria-label="{MOVED_LABEL}" display-value-html=false'
+                f' aria-label="{MOVED_LABEL}"'
             )
         with labelled(FAR_LABEL):
             self._text(settings.far, "far", FAR_LABEL).props('placeholder="the usual shares"')
@@ -130,92 +100,44 @@ class SensitivityView:
         """Take what a user has changed, and tell what is wrong with it."""
         self._settings = replace(self._settings, **settings)
         self._desk.sensitivity = self._settings
-        self._trouble.set_text(self._settings.problem)
-        self._update_buttons()
+        self._update()
 
-    # -- user actions
+    # -- the question
 
-    def _start(self) -> None:
-        self._trouble.set_text(self._try_to_start())
-        self._update_buttons()
+    @property
+    def _problem(self) -> str:
+        return self._settings.problem
 
-    def _try_to_start(self) -> str:
-        """Start it. Return why it was not started; '' if it was."""
+    def _problem_now(self) -> str:
         scenario = self._drafted()
         if scenario is None:
-            return "The form has an invalid value"
-        problem = self._settings.problem_with(scenario)
-        if problem:
-            return problem
-        try:
-            self._sensitivities.start(partial(SensitivityRun, scenario, self._settings))
-        except (OSError, RuntimeError) as error:
-            return f"The study was not started: {error}"
-        self._own = self._sensitivities.command
-        return ""
+            return INVALID
+        return self._settings.problem_with(scenario)
 
-    def _download(self) -> None:
-        # Its packages are an extra.
-        from orchard.study.sensitivity.files import document
+    def _begin(self) -> None:
+        scenario = self._drafted()
+        assert scenario is not None
+        self._commands.start(partial(SensitivityRun, scenario, self._settings))
 
-        if self._shown is not None and self._shown.result is not None:
-            content = document(self._shown.result)
-            ui.download.content(content, "sensitivity.html", "text/html")
+    def _is_as_asked(self, own: SensitivityRun) -> bool:
+        return own.scenario == self._drafted() and own.settings == self._settings
 
-    # -- updates
+    def _progress(self, command: SensitivityRun) -> tuple[float, str]:
+        if not command.has_begun:
+            return 0.0, ""
+        return command.share, f"{100.0 * command.share:.0f} % of the runs are done."
 
-    def _stop_if_changed(self) -> None:
-        """Stop what this page has started, if it asks about something else by now."""
-        own = self._own
-        if own is None or own.is_over or own.asked_to_stop:
-            return
-        if own.scenario != self._drafted() or own.settings != self._settings:
-            own.stop()
-            self._trouble.set_text(CHANGED)
-
-    def _update_buttons(self) -> None:
-        command = self._sensitivities.command
-        self._buttons.update(not self._settings.problem)
-        self._badge.set_visibility(command is not None)
-        self._report.set_visibility(_has_effects(command))
-        if command is None:
-            self._bar.set_visibility(False)
-            return
-        state = command.state
-        self._badge.set_text(state)
-        self._badge.props(f"color={STATE_COLOURS[state]}")
-        self._bar.set_visibility(not state.is_over)
-        self._bar.set_value(command.share)
-
-    async def _watch(self) -> None:
-        """Show what is new."""
-        self._stop_if_changed()
-        self._update_buttons()
-        command = self._sensitivities.command
-        if command is None or command is self._shown:
-            return
-        if not command.is_over:
-            self._show_words(_progress_words(command))
-            return
-        self._shown = command
-        if command.result is None:
-            self._show_words(last_words(command))
-            return
-        await self._show_result(command.result)
+    # -- the answer
 
     def _show_words(self, words: str) -> None:
-        """Show these words, and nothing of an answer before."""
-        if self._answer.text == words:
-            return
-        self._answer.set_text(words)
-        self._notes.set_text("")
-        self._picture.set_content("")
-        self._table.clear()
+        self._report.set_visibility(False)
+        super()._show_words(words)
 
-    async def _show_result(self, result: SensitivityResult) -> None:
-        self._show_words(result.answer)
-        self._notes.set_text("\n".join(result.notes))
-        if not result.effects:
+    async def _show_result(self, command: SensitivityRun) -> None:
+        result = command.result
+        has_effects = result is not None and bool(result.effects)
+        self._report.set_visibility(has_effects)
+        if result is None or not has_effects:
             return
         with self._table:
             heading(3, "What is moved")
@@ -224,19 +146,14 @@ class SensitivityView:
         # The server gives None while it shuts down.
         self._picture.set_content(await run.io_bound(_tornado_of, result) or "")
 
+    def _download(self) -> None:
+        """Let the browser save the report of the answer that is shown."""
+        # Its packages are an extra.
+        from orchard.study.sensitivity.files import document
 
-def _has_effects(command: SensitivityRun | None) -> bool:
-    """Whether there is an answer with the effect of each value."""
-    if command is None or not command.is_over or command.result is None:
-        return False
-    return bool(command.result.effects)
-
-
-def _progress_words(command: SensitivityRun) -> str:
-    """Return what it has done so far."""
-    if command.has_begun:
-        return f"{100.0 * command.share:.0f} % of the runs are done."
-    return "\n".join(["The runs begin.", *command.output.lines[-1:]])
+        shown = self._shown
+        if isinstance(shown, SensitivityRun) and shown.result is not None:
+            ui.download.content(document(shown.result), "sensitivity.html", "text/html")
 
 
 def _tornado_of(result: SensitivityResult) -> str:

@@ -34,11 +34,10 @@ def test_the_page_tells_what_the_result_hangs_on(small):
     assert not page.one("[data-action=hangs-start]").is_enabled()
     page.fill("hangs-far", "")
     page.wait_until(lambda: not page.problem("hangs"), "the usual shares")
+    page.field("study-deadline").click()
     tab_to(page, "hangs-start")
     press(page, " ")
-    page.wait_until(
-        lambda: page.one("[aria-label='Runs that are done']").is_displayed(), "a bar"
-    )
+    page.wait_until(lambda: page.view("hangs-bar").is_displayed(), "a bar")
     wait_for(page, "finished")
     page.wait_until(
         lambda: page.view("hangs-picture").find_elements("css selector", "svg"), "the tornado"

@@ -48,7 +48,7 @@ WRONG = [
     (dict(moved=tuple(movable())[:17]), "What is moved: must be at most 16 values"),
     (
         dict(moved=("picking.failure.mean_between",)),
-        "Time between failures: it is not set, so no share of it can be moved; enter under “How far” from",
+        "Time between failures: it is not set, so no share of it can be moved; enter under “How",
     ),
     (dict(moved=("picking_rate",), far="0,01-99999"), "Bins an hour each: must lie between"),
 ]

@@ -23,8 +23,8 @@ from orchard.report.limits import full_bins
 from orchard.study import study as module
 from orchard.study.comparing import interval
 from orchard.study.farm import farm_study, sum_of
-from orchard.study.farm_command import answer
 from orchard.study.farm_file import is_farm, read_farm
+from orchard.study.farm_words import answer
 from orchard.study.options import StudyOptions
 
 # Two blocks, the file of a farm of both, and a line with a fleet.

@@ -22,6 +22,7 @@ from orchard.app.farm_run import (
     Farms,
 )
 from orchard.app.study_run import BUDGET_LABEL
+from orchard.app.typed_field import TypedField
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.study.farm_words import heads_and_lines, legend
@@ -62,8 +63,9 @@ class FarmView(AnswerView):
 
     def _build_fields(self) -> None:
         with labelled(NAME_LABEL), ui.element("div").classes("field-body"):
-            self._name = ui.input(placeholder="such as Top")
+            self._name = TypedField()
             self._name.props(f'{TEXT} data-field=farm-name aria-label="{NAME_LABEL}"')
+            self._name.props('placeholder="such as Top"')
             self._name.on("keydown.enter", self._add)
             button("Add the rows of the form", self._add, "farm-add", "add", "outline dense")
         self._number(TRANSFER_LABEL, "transfer", self._settings.transfer)
@@ -93,7 +95,7 @@ class FarmView(AnswerView):
     def _add(self) -> None:
         """Add the form's orchard as a block, or tell why not."""
         scenario = self._drafted()
-        name = (self._name.value or "").strip()
+        name = self._name.value.strip()
         problem = self._settings.problem_of_name(name)
         if scenario is None:
             problem = INVALID

@@ -1,13 +1,23 @@
 """Compares settings by their replications on common seeds: how far is the best mean ahead of each,
 and is that more than `within`, the difference below which settings count as equally good?
 
-The lead over a setting is the mean of the differences on the same seeds, as a share of the
-setting's own mean. A setting is *equal* if the whole interval of the lead is below `within`,
-*worse* if the whole interval is above it, and *unknown* otherwise, because there are too few runs.
+The lead over a setting is the difference of the two means, as a share of the setting's own mean. A
+setting is *equal* if the whole interval of the lead is below `within`, *worse* if the whole
+interval is above it, and *unknown* otherwise, because there are too few runs.
 
-The intervals are Student's. A study looks at them up to len(LOOKS) times, for several settings. By
-Bonferroni's rule each look and each setting gets a part of 1 - confidence. So all intervals hold
-together, at whichever look a study ends.
+The lead is the ratio of two means, less 1, and each of the two has luck in it. So an interval
+follows from the residuals: on each seed the value of the best mean's setting, less the ratio times
+the other value. Their mean is 0.
+
+The intervals are Student's, wider where the residuals are skewed: then few runs may miss what is
+rare, and Student's interval ends too early on the side of the long tail. N. J. Johnson says by how
+much (Modified t Tests and Confidence Intervals for Asymmetrical Populations, Journal of the
+American Statistical Association 73, 1978, pages 536 to 544). Here both ends move outward by that.
+
+A study looks at the intervals up to len(LOOKS) times. The best mean is that of the same runs, so
+the interval of each pair of settings may be one that counts. By Bonferroni's rule each look and
+each pair gets a part of 1 - confidence. So all intervals hold together, at whichever look a study
+ends. `examples/interval_coverage.py` measures how often they do.
 
 A setting is *undecided* if it is unknown and more runs may show that it is the answer. It is no
 longer undecided when its lead is known to half of `within`: a lead very near to `within` would take
@@ -29,8 +39,11 @@ from scipy import special
 
 from orchard.study.result import Interval, Standing
 
-# Replications of each setting, after which a study asks whether it can answer.
-LOOKS = (5, 10, 20, 40, 80)
+# Replications of each setting, after which a study asks whether it can answer. After five of them an
+# interval of skewed values would miss the truth up to 18 times as often as it may (docs/study.md).
+LOOKS = (10, 20, 40, 80)
+# A share. Residuals that differ by less have no spread: that is rounding.
+ROUNDING = 1e-12
 
 
 def interval(values: Sequence[float], confidence: float) -> Interval:
@@ -49,7 +62,41 @@ def _half(deviation: float, count: int, error: float) -> float:
     `deviation`: standard deviation of the `count` values. `error`: the chance that the interval
     does not contain the true mean.
     """
-    return float(special.stdtrit(count - 1, 1.0 - error / 2.0)) * deviation / math.sqrt(count)
+    return _quantile(count, error) * deviation / math.sqrt(count)
+
+
+def _quantile(count: int, error: float) -> float:
+    """Return how many standard errors a t interval of `count` values reaches to each side."""
+    return float(special.stdtrit(count - 1, 1.0 - error / 2.0))
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How the residuals of a lead spread, as a share of the setting's own mean."""
+
+    deviation: float
+    skewness: float
+
+    @classmethod
+    def of(cls, residuals: np.ndarray) -> "Spread":
+        """Return the spread of residuals, (seeds,). Their mean is 0, and they are not all alike."""
+        root_of_mean_square = math.sqrt(float(np.mean(residuals**2)))
+        skewness = float(np.mean(residuals**3)) / root_of_mean_square**3
+        return cls(deviation=float(np.std(residuals, ddof=1)), skewness=skewness)
+
+    def half(self, count: int, error: float) -> float:
+        """Return half the width of the interval of the lead after `count` replications.
+
+        `error`: the chance that the interval does not contain the true lead.
+        """
+        quantile = _quantile(count, error)
+        # Johnson's correction of Student's statistic, solved for the end on the long tail's side.
+        further = abs(self.skewness) * (1.0 + 2.0 * quantile**2) / (6.0 * math.sqrt(count))
+        return (quantile + further) * self.deviation / math.sqrt(count)
+
+    def half_alone(self, count: int, error: float) -> float:
+        """Return half the width of Student's interval after `count` replications."""
+        return _half(self.deviation, count, error)
 
 
 @dataclass(frozen=True)
@@ -67,12 +114,17 @@ class Comparison:
     robots: Mapping[int, int]
     #: Setting -> the lead of the best mean over it, as a share of the setting's own mean.
     ahead: Mapping[int, float]
-    #: Setting -> the lead with its interval; None: too few runs for an interval.
+    #: Setting -> the lead with its interval; None: too few runs for an interval. One that chance
+    #: could change, but that was the same on so many seeds that it counts, has no width.
     leads: Mapping[int, Interval | None]
+    #: Setting -> how its lead spreads. Leads without a width are not here.
+    spreads: Mapping[int, Spread]
     #: The setting with the best mean.
     top: int
     #: Settings that cannot be the best: even their limit is behind the best mean by `within`.
     limited: Collection[int] = ()
+    #: Settings of which the lead was the same on all seeds by luck, so that its interval is unknown.
+    agreeing: Collection[int] = ()
 
     @cached_property
     def best(self) -> int:
@@ -118,6 +170,16 @@ class Comparison:
             return "worse"
         return "unknown"
 
+    def interval_shown(self, i: int) -> Interval | None:
+        """Return the lead over a setting with its interval; None if the runs do not tell one.
+
+        What chance could change has no interval as long as all seeds agree: they may miss what is
+        rare, such as a failure.
+        """
+        if i in self.agreeing:
+            return None
+        return self.leads[i]
+
     @property
     def undecided(self) -> list[int]:
         """The settings that more runs may show to be the answer, the likeliest first."""
@@ -134,34 +196,30 @@ class Comparison:
         With more robots than the answer it must be better than the best mean by `within`.
         """
         may_be_best = self.robots[i] <= self.robots[self.best] or lead.low <= -self.within
-        return may_be_best and not self._decides(lead, self.count)
+        return may_be_best and not self._decides(i, self.count)
 
     def replications_needed(self) -> int | None:
         """Return after how many replications (a value of LOOKS) all will be decided, if the spread
         of the runs stays as it is. None: even the last look is too early.
         """
-        leads = [self.leads[i] for i in self.undecided]
+        undecided = self.undecided
         for look in LOOKS:
-            if look > self.count and all(self._decides(lead, look) for lead in leads):
+            if look > self.count and all(self._decides(i, look) for i in undecided):
                 return look
         return None
 
-    def _decides(self, lead: Interval | None, look: int) -> bool:
-        """Whether `look` replications tell on which side of `within` a lead is.
+    def _decides(self, i: int, look: int) -> bool:
+        """Whether `look` replications tell on which side of `within` the lead over a setting is.
 
         They also decide if they know it to half of `within`, in an interval that need hold only by
         itself.
         """
-        if lead is None:
-            # Nothing is known of its spread, so the next look is worth trying.
+        spread = self.spreads.get(i)
+        if spread is None:
+            # Nothing is known of it, so the next look is worth trying; or all of it is known.
             return True
-        # The standard deviation of the differences, from half of the interval.
-        deviation = (lead.high - lead.mean) / _half(1.0, self.count, self.error)
-        # Half of the interval after `look` replications: of one that holds with all others, and of
-        # one that need hold only by itself.
-        half_with_others = deviation * _half(1.0, look, self.error)
-        half_alone = deviation * _half(1.0, look, 1.0 - self.confidence)
-        is_on_one_side = half_with_others < abs(lead.mean - self.within)
+        is_on_one_side = spread.half(look, self.error) < abs(self.ahead[i] - self.within)
+        half_alone = spread.half_alone(look, 1.0 - self.confidence)
         return is_on_one_side or half_alone <= self.within / 2.0
 
 
@@ -174,40 +232,45 @@ def compare(
     *,
     without_chance: Collection[int] = (),
     limits: Mapping[int, float] | None = None,
-    intervals: int | None = None,
+    pairs: int | None = None,
 ) -> Comparison:
     """Compare settings by their values on the same seeds.
 
     `samples`: setting -> its value with each seed, as many for each setting. `robots`: as of a
     Comparison. `is_max`: whether larger values are better. `without_chance`: settings with which
-    all seeds give the same value. `limits`: setting -> the best mean that it can have, if known.
-    `intervals`: how many intervals all comparisons of a study have together, which must all hold;
-    None: this is the only comparison.
+    which all seeds give the same value. `limits`: setting -> the best mean that it can have, if known.
+    `pairs`: how many pairs of settings all comparisons of a study have together, of which the
+    intervals must all hold; None: this is the only comparison.
 
-    Differences that are the same on all seeds have no spread, and so no t interval. Then they count
-    by the sign test: the chance of n equal signs, 2 / 2**n, must be small enough.
+    Leads that are the same on all seeds have no spread, and so no t interval. Then they count by the
+    sign test: the chance of n equal signs, 2 / 2**n, must be small enough.
     """
     # So that larger is better.
     sign = -1.0
     if is_max:
         sign = 1.0
     top = max(samples, key=lambda i: sign * float(np.mean(samples[i])))
-    # By Bonferroni's rule, for each look and each interval.
-    error = (1.0 - confidence) / len(LOOKS) / max(1, intervals or len(samples) - 1)
+    # By Bonferroni's rule, for each look and each pair.
+    error = (1.0 - confidence) / len(LOOKS) / max(1, pairs or math.comb(len(samples), 2))
     leads: dict[int, Interval | None] = {}
     ahead: dict[int, float] = {}
+    spreads: dict[int, Spread] = {}
+    agreeing = []
     for i, values in samples.items():
-        # Where all prices are 0 the mean cost is 0.
-        size = abs(float(np.mean(values))) or 1.0
-        # How much better the best mean's setting was with each seed, (seeds,).
-        differences = sign * np.subtract(samples[top], values) / size
-        have_no_chance = {i, top} <= set(without_chance)
-        are_enough = 2.0 ** (1 - len(values)) <= error
-        is_sure = i == top or have_no_chance or are_enough
-        ahead[i] = float(np.mean(differences))
-        leads[i] = None
-        if is_sure or np.ptp(differences) > 0.0:
-            leads[i] = interval(differences.tolist(), 1.0 - error)
+        lead, residuals = _lead(samples[top], values)
+        lead *= sign
+        ahead[i] = lead
+        leads[i] = Interval(mean=lead, low=lead, high=lead)
+        if i == top or {i, top} <= set(without_chance):
+            continue
+        if np.ptp(residuals) > ROUNDING:
+            spreads[i] = Spread.of(residuals)
+            half = spreads[i].half(len(values), error)
+            leads[i] = Interval(mean=lead, low=lead - half, high=lead + half)
+        elif 2.0 ** (1 - len(values)) <= error:
+            agreeing.append(i)
+        else:
+            leads[i] = None
     best_mean = float(np.mean(samples[top]))
     limited = []
     for i, limit in (limits or {}).items():
@@ -221,6 +284,21 @@ def compare(
         robots=robots,
         ahead=ahead,
         leads=leads,
+        spreads=spreads,
         top=top,
         limited=limited,
+        agreeing=agreeing,
     )
+
+
+def _lead(best: Sequence[float], values: Sequence[float]) -> tuple[float, np.ndarray]:
+    """Return by how much the mean of `best` exceeds that of the values of a setting on the same
+    seeds, and the residuals on each seed, (seeds,); both as a share of the setting's own mean.
+    """
+    mean = float(np.mean(values))
+    best_mean = float(np.mean(best))
+    if mean == 0.0:
+        # Where all prices are 0 the mean cost is 0.
+        return best_mean, np.subtract(best, values)
+    ratio = best_mean / mean
+    return (best_mean - mean) / abs(mean), np.subtract(best, np.multiply(ratio, values)) / abs(mean)

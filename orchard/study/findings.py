@@ -7,6 +7,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from math import comb
 from statistics import fmean
 
 from orchard.study.answer_words import answer
@@ -71,19 +72,18 @@ class Findings:
             else:
                 without_chance.append(i)
         count = min(counts, default=1)
-        # Each setting but the best one of its group has a lead with an interval.
-        intervals = len(with_runs) - len(groups)
+        pairs = sum(comb(len(group), 2) for group in groups.values())
         comparisons = []
         for _, group in sorted(groups.items()):
-            comparisons.append(self._comparison(group, count, without_chance, intervals))
+            comparisons.append(self._comparison(group, count, without_chance, pairs))
         return comparisons
 
     def _comparison(
-        self, group: Sequence[int], count: int, without_chance: Sequence[int], intervals: int
+        self, group: Sequence[int], count: int, without_chance: Sequence[int], pairs: int
     ) -> Comparison:
         """Return the comparison of some settings by their first `count` replications.
 
-        `without_chance`, `intervals`: as of `compare`.
+        `without_chance`, `pairs`: as of `compare`.
         """
         question = self.question
         samples = {}
@@ -102,7 +102,7 @@ class Findings:
             within=question.options.within,
             without_chance=without_chance,
             limits=limits,
-            intervals=intervals,
+            pairs=pairs,
         )
 
     def _limit(self, i: int, count: int) -> float:
@@ -188,7 +188,7 @@ class Findings:
         return replace(
             row,
             standing=standing,
-            lead=comparison.leads[i],
+            lead=comparison.interval_shown(i),
             behind=behind,
             check=self.checks.get(i),
             proven_seconds=self.proven.get(i),

@@ -10,7 +10,7 @@ import logging
 import msgspec
 from msgspec.structs import replace
 
-from orchard.contract.agent import LARGEST_MEMORY, Action, Heard, Hold, Mail, Observation
+from orchard.contract.agent import Action, Heard, Hold, Mail, Observation
 from orchard.contract.messages import (
     LAST_TICK,
     Answer,
@@ -19,9 +19,9 @@ from orchard.contract.messages import (
     CarrierStatus,
     Fetch,
     No,
-    pack,
     unpack,
 )
+from orchard.dispatch.kept_memory import as_kept
 from orchard.dispatch.policies import dispatch_of
 from orchard.dispatch.policy import Assignment, BinReport, CarrierReport, Dispatch
 from orchard.dispatch.ranking import Nearest
@@ -37,8 +37,6 @@ log = logging.getLogger("orchard")
 POLL_TICKS = 10
 # Ticks after which a bin that does not report again is dropped: a bin reports every 20 ticks.
 FORGET_TICKS = 60
-# Bytes. It is sent in the dispatcher's memory, with the bins and the bookings.
-LARGEST_POLICY_MEMORY = LARGEST_MEMORY // 2
 # Ticks for which a carrier counts as taken after its bin was answered: its status shows the job
 # 4 ticks later.
 BOOKED_TICKS = 10
@@ -268,20 +266,6 @@ def fault_of(policy: Dispatch, path: str, error: BaseException, tick: int) -> st
     fault = printable(f"{type(error).__name__}: {text_of(error)}", 500)
     place = place_of_error(error) or place_of_class(type(policy))
     return f"dispatch policy {path}, tick {tick}: {fault}{place}"
-
-
-def as_kept(remembered: object, policy: Dispatch) -> bytes:
-    """Return a policy's memory as it is kept.
-
-    Raises TypeError or ValueError if it is too large, or no data of its class.
-    """
-    packed = pack(remembered)
-    if len(packed) > LARGEST_POLICY_MEMORY:
-        raise ValueError(
-            f"the policy's memory takes {len(packed)} bytes; at most {LARGEST_POLICY_MEMORY}"
-        )
-    unpack(packed, policy.Memory)
-    return packed
 
 
 def checked(

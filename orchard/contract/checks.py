@@ -19,9 +19,8 @@ from orchard.field.problems import printable
 
 # What `pack` raises for data that are not plain.
 NOT_PLAIN = (TypeError, OverflowError, UnicodeError)
-SURVIVES = (
-    "numbers, texts, bytes, lists, dicts, or a msgspec.Struct that the agent's `Memory` names"
-)
+PLAIN = "numbers, texts, bytes, lists, dicts, or a msgspec.Struct"
+SURVIVES = f"{PLAIN} that the agent's `Memory` names"
 
 
 def own_messages(agent: Any) -> tuple[type[AgentMessage], ...]:
@@ -60,16 +59,16 @@ def packed_memory(memory: Any) -> bytes:
     try:
         return packed_within_limit(memory, "its memory takes")
     except NOT_PLAIN as error:
-        raise TypeError(f"{_place_of_fault(memory, 'memory')}: {error}. Use {SURVIVES}") from None
+        raise TypeError(f"{place_of_fault(memory, 'memory')}: {error}. Use {SURVIVES}") from None
 
 
-def _place_of_fault(data: Any, where: str) -> str:
+def place_of_fault(data: Any, where: str) -> str:
     """Return the place of the innermost part that cannot be packed. `where`: the name of `data`."""
     for at, value in parts_of(data, where):
         try:
             pack(value)
         except NOT_PLAIN:
-            return _place_of_fault(value, at)
+            return place_of_fault(value, at)
     return where
 
 

@@ -4,8 +4,10 @@ docs/bounds.md compares them.
 """
 
 from collections.abc import Iterable
+from inspect import isasyncgenfunction, iscoroutinefunction, isgeneratorfunction
 from types import MappingProxyType
 
+from orchard.dispatch.kept_memory import as_kept
 from orchard.dispatch.policy import Dispatch
 from orchard.dispatch.ranking import (
     FarthestFirst,
@@ -17,7 +19,7 @@ from orchard.dispatch.ranking import (
 )
 from orchard.dispatch.rolling import Rolling
 from orchard.field.layout import Layout
-from orchard.field.plugins import make_plugin
+from orchard.field.plugins import MISTAKES, contained, make_plugin, place_of_class, unusable
 from orchard.field.scenario import DISPATCH_POLICIES
 
 _CLASSES: list[type[Dispatch]] = [
@@ -49,6 +51,34 @@ def notes_on(names: Iterable[object]) -> list[str]:
 
 def dispatch_of(layout: Layout) -> Dispatch:
     """Return the policy that the scenario names. Raises ScenarioError if it cannot be used."""
-    return make_plugin(
-        "dispatch", layout.scenario.dispatch, POLICIES, layout, methods=("assign", "Memory")
-    )
+    path = layout.scenario.dispatch
+    policy = make_plugin("dispatch", path, POLICIES, layout, methods=("assign", "Memory"))
+    if path not in POLICIES:
+        try:
+            _check_own(policy)
+        except MISTAKES as error:
+            place = place_of_class(type(policy))
+            raise unusable("dispatch", path, error, place=place) from error
+    return policy
+
+
+def _check_own(policy: Dispatch) -> None:
+    """Find what is wrong with a policy of a user before it is asked.
+
+    Raises TypeError or ValueError, or what its `Memory` raises.
+    """
+    assign = policy.assign
+    if not callable(assign):
+        raise TypeError(f"its `assign` must be a method, and is {assign!r}")
+    for is_other in (iscoroutinefunction, isgeneratorfunction, isasyncgenfunction):
+        if is_other(assign):
+            raise TypeError(
+                "its `assign` must return a list of Assignment(bin, carrier): use neither"
+                " `async def` nor `yield`"
+            )
+    early = getattr(policy, "early", False)
+    if not isinstance(early, bool):
+        raise TypeError(f"its `early` must be True or False, and is {early!r}")
+    if not callable(policy.Memory):
+        raise TypeError(f"its `Memory` must be a class, such as dict, and is {policy.Memory!r}")
+    as_kept(contained(policy.Memory), policy)

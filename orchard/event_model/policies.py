@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from orchard.behaviour.dispatcher import PolicyFault, as_kept, checked, fault_of
+from orchard.behaviour.dispatcher import PolicyFault, checked, fault_of
 from orchard.contract.messages import pack, unpack
+from orchard.dispatch.kept_memory import as_kept
 from orchard.dispatch.policies import POLICIES, dispatch_of
 from orchard.dispatch.policy import Assignment, BinReport, CarrierReport, is_early
 from orchard.event_model import codes as c

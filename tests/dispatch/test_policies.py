@@ -274,6 +274,29 @@ def test_a_policy_whose_package_is_missing_names_the_package():
         check_plugins(lay_out(empty_orchard(dispatch="own_policies.Lacking")))
 
 
+# A faulty policy of tests/support/own_policies.py, and what is said of it before a run.
+UNUSABLE = {
+    "NoMaker": r"its `Memory` must be a class, such as dict, and is 7",
+    "Unmade": r"ValueError: no memory today",
+    "Unkept": r"memory: Encoding objects of type Memory is unsupported\. Use numbers, .*Struct",
+    "Named": r"its `assign` must be a method, and is 'nearest'",
+    "NotEarly": r"its `early` must be True or False, and is 'no'",
+    "Yielding": r"must return a list of Assignment\(bin, carrier\): use neither .* nor `yield`",
+    "Awaited": r"must return a list of Assignment\(bin, carrier\): use neither `async def`",
+}
+
+
+@pytest.mark.parametrize("policy", UNUSABLE)
+def test_a_policy_that_could_never_decide_is_refused(policy):
+    """It is refused before the run, which would otherwise be one of `nearest`."""
+    error = (
+        rf"dispatch = own_policies\.{policy}: cannot be used: .*{UNUSABLE[policy]}"
+        r".* \(.*own_policies\.py, line \d+\)"
+    )
+    with pytest.raises(ScenarioError, match=error):
+        check_plugins(lay_out(empty_orchard(dispatch=f"own_policies.{policy}")))
+
+
 # Python refuses a source with a null byte, and does not say in which file it has found it.
 NO_SOURCE = "\0"
 # A policy, the files of its module, and where the error says that the null byte is.
@@ -354,6 +377,8 @@ MISTAKES = {
         r"assign returned None; it must return a list of Assignment\(bin, carrier\)"
         r" \(.*own_policies.py"
     ),
+    "Tupling": r"memory\['seen'\]: tuple \(\d+,\), then list \[\d+\]. Use numbers,",
+    "Remembering": r"memory\['last'\]\[0\]: Encoding objects of type .* is unsupported. Use",
 }
 
 

@@ -16,6 +16,9 @@ class Own:
     def __init__(self, layout):
         pass
 
+    def assign(self, now, bins, carriers, memory):
+        return []
+
 
 class Lacking(Own):
     """Cannot be made: a package that it needs is missing."""
@@ -75,7 +78,7 @@ class Leaving(Own):
 
 
 class Hoarding(Own):
-    """Remembers 20,000 letters, more than the dispatcher's `LARGEST_POLICY_MEMORY` allows."""
+    """Remembers 20,000 letters, more than `LARGEST_POLICY_MEMORY` allows."""
 
     def assign(self, now, bins, carriers, memory):
         memory["past"] = "x" * 20_000
@@ -108,3 +111,68 @@ class FarthestOfMine(Own):
         return [
             Assignment(report.name, carrier) for report, carrier in zip(far, free, strict=False)
         ]
+
+
+class NoMaker(Own):
+    """Its memory is a number in place of a class."""
+
+    Memory = 7
+
+
+class Unmade(Own):
+    """Its memory cannot be made."""
+
+    class Memory:
+        """Raises when it is made."""
+
+        def __init__(self):
+            raise ValueError("no memory today")
+
+
+class Unkept(Own):
+    """Its memory is of a plain class, which no message can carry."""
+
+    class Memory:
+        """Of no type that msgpack knows."""
+
+
+class Named(Own):
+    """Names a policy in place of deciding."""
+
+    assign = "nearest"
+
+
+class NotEarly(Own):
+    """Says no in a word that Python takes for yes."""
+
+    early = "no"
+
+
+class Yielding(Own):
+    """Yields its orders in place of returning them."""
+
+    def assign(self, now, bins, carriers, memory):
+        yield from ()
+
+
+class Awaited(Own):
+    """Decides in a function that somebody would have to await."""
+
+    async def assign(self, now, bins, carriers, memory):
+        return []
+
+
+class Tupling(Own):
+    """Remembers a tuple, which would come back as a list."""
+
+    def assign(self, now, bins, carriers, memory):
+        memory["seen"] = (now,)
+        return []
+
+
+class Remembering(Own):
+    """Remembers a function."""
+
+    def assign(self, now, bins, carriers, memory):
+        memory["last"] = [len]
+        return []

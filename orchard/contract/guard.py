@@ -63,6 +63,8 @@ from orchard.field.problems import printable
 
 log = logging.getLogger("orchard")
 
+# The files of the functions that call the user's code.
+CALLERS = (__file__, plugins.__file__)
 READ_ONLY = (
     "What an agent is given is read-only. "
     "To change ranges, take a copy: scan = observation.scan.copy()"
@@ -378,17 +380,19 @@ def _advise(error: BaseException) -> None:
 
 
 def place_in_agent(frame: FrameType | None) -> str:
-    """Return the file and line of the user's code that a guard has called; '' if it called none.
+    """Return the place in the user's code that the program has called; '' if it has called none.
 
-    `frame`: where the program is now. It is in an agent if a guard is among its callers: then the
-    first frame after the guard that is not one of its helpers is the user's.
+    `frame`: where the program is now. It is in such code if a guard, or `contained`, is among its
+    callers. A policy of the user's is called by an agent of the program. So the first frame in a
+    file of the user's counts; without one, the first frame of the agent.
     """
     frames = traceback.extract_stack(frame)
     helpers = (__file__, checks.__file__, repetition.__file__, plugins.__file__)
-    guards = [i for i, called in enumerate(frames) if called.filename == __file__]
-    if not guards:
+    callers = [i for i, called in enumerate(frames) if called.filename in CALLERS]
+    if not callers:
         return ""
-    for called in frames[guards[-1] :]:
-        if called.filename not in helpers:
-            return f", in {called.filename}, line {called.lineno}"
+    inside = [called for called in frames[callers[-1] :] if called.filename not in helpers]
+    own = [called for called in inside if plugins.is_own(called.filename)]
+    for called in own or inside:
+        return f", in {called.filename}, line {called.lineno}"
     return ""

@@ -16,14 +16,16 @@ from command_line import PATH, python, scenario_file
 from local_runs import SMALL, driven_by, local_hash, played
 
 from orchard.contract.agent import Action
-from orchard.contract.printed import MOST_LINES, Printed
+from orchard.contract.printed import MOST_LINES, Printed, printed
 from orchard.contract.zone import spans
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.dispatch.ranking import Nearest
 from orchard.field.geometry import Twist
 from orchard.field.layout import lay_out
 from orchard.field.rows import balanced, rows_to_pickers
+from orchard.field.scenario import with_changes
 from orchard.launch.supervisor import MOST_LINES as MOST_LINES_OF_C_CODE
+from orchard.local import Local
 from orchard.processes.agents import made
 
 # C's `fegetenv` gives the floating-point environment of an x86-64 as eight 32-bit words. The last
@@ -170,6 +172,18 @@ def test_what_the_users_own_program_sets_changes_no_hash():
         assert local_hash(SMALL, 40) == plain
 
 
+def in_the_simulator(scenario):
+    """Do a run until its policy has been asked at least once."""
+    local = Local(scenario)
+    for _ in range(400):
+        local.tick()
+
+
+def in_the_event_model(scenario):
+    """Do a whole harvest."""
+    DiscreteHarvest(lay_out(scenario)).run()
+
+
 def test_the_first_lines_are_shown_and_the_rest_is_left_out():
     """A line may be printed in parts. Of it 200 characters are shown, and no escape sequence."""
     lines = []
@@ -180,6 +194,15 @@ def test_the_first_lines_are_shown_and_the_rest_is_left_out():
     assert len(lines[2]) == len("printed: ") + 200
     assert len(lines) == MOST_LINES + 1
     assert lines[-1] == "what own classes print from here on is left out; write it to a file"
+
+
+@pytest.mark.parametrize("run", [in_the_simulator, in_the_event_model])
+def test_a_line_that_a_policy_prints_has_the_policys_place(run):
+    """In the simulator an agent of the program asks the policy: its place would help nobody."""
+    lines = []
+    with printed(lines.append):
+        run(with_changes(SMALL, dispatch="own_policies.Talking"))
+    assert re.fullmatch(r"printed, in .*own_policies\.py, line \d+: I decide", lines[0])
 
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])

@@ -176,3 +176,11 @@ class Remembering(Own):
     def assign(self, now, bins, carriers, memory):
         memory["last"] = [len]
         return []
+
+
+class Talking(AtOnce):
+    """Prints a line in each decision."""
+
+    def assign(self, now, bins, carriers, memory):
+        print("I decide")
+        return super().assign(now, bins, carriers, memory)

@@ -26,7 +26,14 @@ from orchard.dispatch.policies import dispatch_of
 from orchard.dispatch.policy import Assignment, BinReport, CarrierReport, Dispatch
 from orchard.dispatch.ranking import Nearest
 from orchard.field.layout import Layout
-from orchard.field.plugins import MISTAKES, place_of_class, place_of_error, reraise_ctrl_c, text_of
+from orchard.field.plugins import (
+    LONGEST_FAULT,
+    MISTAKES,
+    fault_words,
+    place_of_class,
+    place_of_error,
+    reraise_ctrl_c,
+)
 from orchard.field.problems import printable
 from orchard.field.scenario import END, TIME_STEP
 from orchard.plans.routes import route_of, way_to
@@ -263,7 +270,7 @@ def fault_of(policy: Dispatch, path: str, error: BaseException, tick: int) -> st
 
     `path`: the policy's name in the scenario.
     """
-    fault = printable(f"{type(error).__name__}: {text_of(error)}", 500)
+    fault = printable(fault_words(error), LONGEST_FAULT)
     place = place_of_error(error) or place_of_class(type(policy))
     return f"dispatch policy {path}, tick {tick}: {fault}{place}"
 

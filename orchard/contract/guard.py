@@ -382,17 +382,31 @@ def _advise(error: BaseException) -> None:
 def place_in_agent(frame: FrameType | None) -> str:
     """Return the place in the user's code that the program has called; '' if it has called none.
 
-    `frame`: where the program is now. It is in such code if a guard, or `contained`, is among its
-    callers. A policy of the user's is called by an agent of the program. So the first frame in a
-    file of the user's counts; without one, the first frame of the agent.
+    `frame`: where the program is now. A policy of the user's is called by an agent of the program.
+    So the first call in a file of the user's counts; without one, the first of the agent.
     """
-    frames = traceback.extract_stack(frame)
-    helpers = (__file__, checks.__file__, repetition.__file__, plugins.__file__)
-    callers = [i for i, called in enumerate(frames) if called.filename in CALLERS]
+    calls = _calls_by_program(frame)
+    return place_in_own_code(frame) or _place_of_first(calls)
+
+
+def place_in_own_code(frame: FrameType | None) -> str:
+    """Return the same as `place_in_agent`, but '' for code of the program or of a library."""
+    calls = _calls_by_program(frame)
+    return _place_of_first([call for call in calls if plugins.is_own(call.filename)])
+
+
+def _calls_by_program(frame: FrameType | None) -> list[traceback.FrameSummary]:
+    """Return the calls, from the outermost, that a guard or `contained` has made; else none."""
+    calls = traceback.extract_stack(frame)
+    callers = [i for i, call in enumerate(calls) if call.filename in CALLERS]
     if not callers:
+        return []
+    helpers = (*CALLERS, checks.__file__, repetition.__file__)
+    return [call for call in calls[callers[-1] :] if call.filename not in helpers]
+
+
+def _place_of_first(calls: Sequence[traceback.FrameSummary]) -> str:
+    """Return the place of the first of some calls, as ', in FILE, line N'; '' if there is none."""
+    if not calls:
         return ""
-    inside = [called for called in frames[callers[-1] :] if called.filename not in helpers]
-    own = [called for called in inside if plugins.is_own(called.filename)]
-    for called in own or inside:
-        return f", in {called.filename}, line {called.lineno}"
-    return ""
+    return f", in {calls[0].filename}, line {calls[0].lineno}"

@@ -182,8 +182,8 @@ def unusable(
     place in the user's files. Ctrl-C is raised again instead.
     """
     reraise_ctrl_c(error)
-    fault = printable(f"{type(error).__name__}: {text_of(error)}", LONGEST_FAULT)
-    own_place = place_of_error(error) or place or _place_of_unimported(path)
+    fault = printable(fault_words(error), LONGEST_FAULT)
+    own_place = place_of_error(error) or place or _file_of_module(path)
     words = f"cannot be used: {fault}{own_place}"
     if wanted:
         words = f"{words}; it must be {wanted}"
@@ -202,12 +202,16 @@ def _name_of_argument(argument: object) -> str:
     return type(argument).__name__.lower()
 
 
-def _place_of_unimported(path: str) -> str:
-    """Return the file of the module that could not be imported, as ' (FILE)'; '' if it is unknown.
+def _file_of_module(path: str) -> str:
+    """Return the file of the module of a class, as ' (FILE)'; '' if it is unknown.
 
-    `path`: of a class. It is needed where Python's error has no file, as for one with a null byte.
+    `path`: of the class. It is needed where Python's error has no file: the module has no such
+    class, or it has a null byte, so that it could not be imported.
     """
     module = path.replace(":", ".").rpartition(".")[0]
+    file = getattr(sys.modules.get(module), "__file__", None)
+    if file:
+        return f" ({file})"
     parts = module.split(".")
     # Where the next part is looked for; None: on Python's path, as for the first part.
     folders = None
@@ -233,6 +237,17 @@ def _is_not_found(error: BaseException, path: str) -> bool:
     dotted_path = path.replace(":", ".")
     # A dot at the end of both, so that `my` is no part of `my_package.MyPicker`.
     return f"{dotted_path}.".startswith(f"{error.name}.")
+
+
+def fault_words(error: BaseException) -> str:
+    """Return the class and the text of an error of a user's code: "KeyError: 'bin_07'".
+
+    An error without a text has its class alone.
+    """
+    text = text_of(error)
+    if not text:
+        return type(error).__name__
+    return f"{type(error).__name__}: {text}"
 
 
 def text_of(error: BaseException) -> str:

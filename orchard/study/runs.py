@@ -28,11 +28,11 @@ from orchard.discrete.harvest import DiscreteHarvest, Jam
 from orchard.field.layout import lay_out
 from orchard.field.plugins import (
     MISTAKES,
+    fault_words,
     is_own,
     load_plugin,
     place_of_error,
     reraise_ctrl_c,
-    text_of,
 )
 from orchard.field.scenario import END, Scenario
 from orchard.local import Local
@@ -232,9 +232,7 @@ def do(run: PlannedRun, until: float) -> RunRecord | None:
     # SystemExit is among MISTAKES: it would end the worker, and say nothing.
     except MISTAKES as error:
         reraise_ctrl_c(error)
-        raise RunFailed(
-            f"{name}: {type(error).__name__}: {text_of(error)}{place_of_error(error)}"
-        ) from None
+        raise RunFailed(f"{name}: {fault_words(error)}{place_of_error(error)}") from None
 
 
 def key_of_run(

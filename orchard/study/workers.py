@@ -28,6 +28,7 @@ from threading import Thread
 from typing import Any, TypeVar, cast
 
 from orchard.contract.printed import Printed
+from orchard.terminal.long_calls import tell_long_calls
 
 GLANCE = 0.2  # s between two looks whether to stop
 # So many workers may die one after another, without any run done between. Then the work itself
@@ -189,7 +190,9 @@ def _end_with_parent(alive: Connection, safe_path: str | None) -> None:
     itself is thrown away.
     """
     _set_safe_path(safe_path)
-    sys.stdout = sys.stderr = Printed(partial(print, file=sys.stderr, flush=True))
+    show = partial(print, file=sys.stderr, flush=True)
+    sys.stdout = sys.stderr = Printed(show)
+    tell_long_calls(show)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     Thread(target=_exit_after, args=(alive,), daemon=True).start()
 

@@ -18,6 +18,7 @@ from rich.progress import BarColumn, Progress, ProgressColumn, TimeElapsedColumn
 from rich.table import Table
 
 from orchard.contract.printed import diverted, printed
+from orchard.terminal.long_calls import long_calls_told
 
 
 def harmless(text: str) -> str:
@@ -181,7 +182,8 @@ def _say(text: str) -> None:
 def own_classes_run() -> Iterator[None]:
     """In this context, a user's own classes may run.
 
-    What they print is shown as lines of the program; not all of it, if they print much.
+    What they print is shown as lines of the program; not all of it, if they print much. A call of
+    them that lasts long is told.
     """
     log = logging.getLogger("orchard")
     handler = _Log()
@@ -191,7 +193,8 @@ def own_classes_run() -> Iterator[None]:
         # Stdout and stderr are replaced, for Python's `print` and for C code. The program's own
         # words go to the streams that `diverted` yields, which lead where stdout and stderr led
         # before.
-        with diverted(_say) as (console.file, errors.file), printed(_say):
+        streams = diverted(_say)
+        with streams as (console.file, errors.file), printed(_say), long_calls_told(_say):
             yield
     finally:
         log.removeHandler(handler)

@@ -17,7 +17,7 @@ import msgspec
 from orchard.behaviour.dispatcher import PolicyFault
 from orchard.event_model.policies import AskedPolicy
 from orchard.field.layout import lay_out
-from orchard.field.plugins import MISTAKES, import_own, reraise_ctrl_c, text_of
+from orchard.field.plugins import MISTAKES, fault_words, import_own, reraise_ctrl_c
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.study.benchmark.confined import confine, drop_rights, limit
@@ -108,7 +108,7 @@ def _harvest(scenario: Scenario, questions: BinaryIO, answers: BinaryIO) -> None
         version = str(getattr(policy.policy, "version", ""))[:LONGEST_VERSION]
     except MISTAKES as error:
         reraise_ctrl_c(error)
-        fault = f"its `version` cannot be read: {type(error).__name__}: {text_of(error)}"
+        fault = f"its `version` cannot be read: {fault_words(error)}"
         answers.write(framed(Fault(f"cannot be used: {fault}")))
         return
     answers.write(framed(Ready(policy.is_early, version)))

@@ -107,7 +107,7 @@ def test_the_commands_of_the_document_compare_a_policy(tmp_path, store):
             2,
             (
                 r"command line: POLICY = own_policies.Missing: cannot be used: .* no attribute"
-                r" 'Missing'"
+                r" 'Missing' \(.*own_policies\.py\)"
             ),
         ),
         (

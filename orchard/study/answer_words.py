@@ -56,6 +56,7 @@ def _chosen_words(result: StudyResult) -> str:
     parts = [
         f"{_best_words(best, result)}: {_figures(best, result)}",
         _optimum(best),
+        _failed(result),
         _not_run(result),
         _end(result),
         _alike(result),
@@ -90,6 +91,7 @@ def _given_words(result: StudyResult) -> str:
     parts = [
         *answers,
         f"{keys} {_is_or_are(result.given)} given and not chosen, so {consequence}",
+        _failed(result),
         _not_run(result),
         _end(result),
         _undecided_choices(result),
@@ -159,7 +161,7 @@ def _all_jammed(result: StudyResult) -> str:
         settings = setting_words(result.table[0].setting)
     else:
         settings = f"All {len(result.table)} settings"
-    parts = [f"{settings} jammed: some robots waited for ever", _not_run(result)]
+    parts = [f"{settings} jammed: some robots waited for ever", _failed(result), _not_run(result)]
     return f"{'; '.join(filter(None, parts))}."
 
 
@@ -185,6 +187,16 @@ def _best_words(best: Row, result: StudyResult) -> str:
         parts.append(setting_words(rest))
     words = ", ".join(parts)
     return words[0].upper() + words[1:]
+
+
+def _failed(result: StudyResult) -> str:
+    """Return which settings failed, by an error in the user's own code."""
+    if not result.failed:
+        return ""
+    first = _in_brackets(result.failed[0])
+    if len(result.failed) == 1:
+        return f"{first} failed, and is left out"
+    return f"{len(result.failed)} settings failed, such as {first}, and are left out"
 
 
 def _not_run(result: StudyResult) -> str:

@@ -19,7 +19,7 @@ from orchard.study.question import Question
 from orchard.study.replications import Replications
 from orchard.study.result import BreakEven, Check, Row, Standing, StoppedBy, StudyResult
 from orchard.study.rows import row_of
-from orchard.study.runs import software
+from orchard.study.runs import RunFailed, software
 from orchard.study.settings import as_lists
 
 
@@ -43,13 +43,25 @@ class Findings:
 
     @property
     def jammed(self) -> list[int]:
-        """The settings of which a run jammed."""
-        return [i for i in range(len(self.question.settings)) if self._jams(i)]
+        """The settings of which a run jammed, and none failed."""
+        numbers = range(len(self.question.settings))
+        return [i for i in numbers if self._jams(i) and i not in self.failures]
 
     @property
     def alive(self) -> list[int]:
-        """The settings of which no run has jammed."""
-        return [i for i in range(len(self.question.settings)) if not self._jams(i)]
+        """The settings of which no run has jammed or failed."""
+        numbers = range(len(self.question.settings))
+        return [i for i in numbers if not self._jams(i) and i not in self.failures]
+
+    @property
+    def failures(self) -> dict[int, RunFailed]:
+        """The settings of which a run failed, each with the error of its first one."""
+        failures = {}
+        for i in range(len(self.question.settings)):
+            failure = self.runs.failure(i, self.question.model)
+            if failure is not None:
+                failures[i] = failure
+        return failures
 
     def _jams(self, i: int) -> bool:
         return self.runs.has_jammed(i, self.question.model)
@@ -124,7 +136,8 @@ class Findings:
             with_runs += comparison.leads
             undecided += comparison.undecided
         shown = sorted(with_runs, key=question.place)
-        missing = [i for i in range(len(question.settings)) if i not in shown]
+        failed = sorted(self.failures, key=question.place)
+        missing = [i for i in range(len(question.settings)) if i not in (*shown, *failed)]
         # With circumstances there is a best setting of each combination, and none of all.
         best = None
         best_values = None
@@ -157,6 +170,7 @@ class Findings:
             given=question.circumstances,
             not_run=question.values_of(sorted(missing, key=question.place)),
             break_even=self._break_even(comparisons, best),
+            failed=question.values_of(failed),
         )
         # The answer and the last notes are words about the result itself.
         notes = [*result.notes, *map(break_even_words, result.break_even)]
@@ -246,6 +260,7 @@ class Findings:
         notes = StudyNotes(self.runs, question.model, question.options, question.varied)
         sentences = notes.nothing_random()
         sentences += notes.missing(missing, was_stopped=self.stopped_by == "stopped")
+        sentences += notes.failed(self.failures)
         sentences += notes.jammed(self.jammed)
         sentences += notes.unequal(shown)
         sentences += notes.faulty([i for i in shown if not self._jams(i)])

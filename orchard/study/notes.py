@@ -12,7 +12,7 @@ from orchard.report.rare_truck import notes_on_truck
 from orchard.study.options import StudyOptions
 from orchard.study.replications import Replications
 from orchard.study.result import Model
-from orchard.study.runs import RunRecord
+from orchard.study.runs import RunFailed, RunRecord
 from orchard.study.words import counted
 
 # Keys on which it depends how much each picker has to pick.
@@ -50,6 +50,15 @@ class StudyNotes:
         if len(settings) > MOST_NAMED:
             names += " and others"
         return [f"{why} a run of {count}, {names}: not in the table"]
+
+    def failed(self, failures: Mapping[int, RunFailed]) -> list[str]:
+        """Return why each of these settings is left out: an own class raised an error, or ended
+        its worker.
+        """
+        return [
+            f"{self._words(i)} failed, and is not in the table: {failure}"
+            for i, failure in failures.items()
+        ]
 
     def jammed(self, settings: Sequence[int]) -> list[str]:
         """Return why each of these settings jams: a fault of an own class, or waiting robots."""

@@ -15,10 +15,15 @@ from statistics import fmean
 from orchard.report.limits import rate_in_mean_rows
 from orchard.study.comparing import interval
 from orchard.study.result import Check, Goal, Horizon, Interval, Model
-from orchard.study.runs import PlannedRun, RunRecord, do, software
+from orchard.study.runs import PlannedRun, RunFailed, RunRecord, outcome_of, software
 from orchard.study.settings import Setting
 from orchard.study.store import Store
-from orchard.study.workers import Workers, WorkersError
+from orchard.study.workers import WorkerDied, Workers, WorkersError
+
+
+def raise_it(failure: RunFailed) -> None:
+    """Let the first run that fails end all."""
+    raise failure
 
 
 @dataclass
@@ -34,8 +39,13 @@ class Replications:
     heard: Callable[[], None]
     #: Whether the user has stopped the study.
     is_stopped: Callable[[], bool]
+    #: Gets the error of each run that fails. If it returns, the other runs go on.
+    failed: Callable[[RunFailed], None] = raise_it
     #: By the key of the run.
     records: dict[str, RunRecord] = field(default_factory=dict)
+    #: The errors of runs that failed, by their keys. The store does not keep them: own code may
+    #: have needed what is there the next time.
+    failures: dict[str, RunFailed] = field(default_factory=dict)
     #: By model, how long this study waited for its runs, s: workers start, and work side by side.
     worked_seconds: dict[Model, float] = field(default_factory=lambda: defaultdict(float))
     #: By model, the runs that workers did in this time.
@@ -49,24 +59,45 @@ class Replications:
         """Have `count` replications of each of these settings done, the first seeds first.
 
         Those that are in the store are not done again. A setting without chance needs only one.
-        `until`: the end of the budget, as time.time(). Return whether all are done. Raises
-        WorkersError or RunFailed if they cannot be done.
+        `until`: the end of the budget, as time.time(). Return whether all are done, or have failed.
+        Raises WorkersError if they cannot be done, and what `failed` raises.
         """
         runs = self._plan(settings, model, count)
         self.records |= self.store.known(key for key in runs if key not in self.records)
-        remaining = [run for key, run in runs.items() if key not in self.records]
+        remaining = [run for key, run in runs.items() if not self._is_over(key)]
         remaining.sort(key=lambda run: run.scenario.seed)
+        while remaining:
+            try:
+                self._do_runs(remaining, model, until)
+                break
+            except WorkerDied as death:
+                self._fail(death.item, RunFailed(f"{death.item.name}: {death}"))
+            remaining = [run for run in remaining if not self._is_over(run.key)]
+        return all(map(self._is_over, runs))
+
+    def _do_runs(self, runs: Sequence[PlannedRun], model: Model, until: float) -> None:
+        """Have these runs done. Raises WorkersError, and what `failed` raises."""
         begun = time.time()
-        work = partial(do, until=until)
-        for _, record in self.workers.do(work, remaining, lambda: self.goes_on(until)):
-            # None: the run was given up at the end of the budget.
-            if record is not None:
+        work = partial(outcome_of, until=until)
+        for run, outcome in self.workers.do(work, runs, lambda: self.goes_on(until)):
+            if isinstance(outcome, RunFailed):
+                self._fail(run, outcome)
+            elif outcome is not None:
                 self.runs_done[model] += 1
-                self._keep(record)
+                self._keep(outcome)
+            # None: the run was given up at the end of the budget.
             now = time.time()
             self.worked_seconds[model] += now - begun
             begun = now
-        return runs.keys() <= self.records.keys()
+
+    def _fail(self, run: PlannedRun, failure: RunFailed) -> None:
+        """Note that a run has failed. Raises what `failed` raises."""
+        self.failed(failure)
+        self.failures[run.key] = failure
+
+    def _is_over(self, key: str) -> bool:
+        """Whether a run is done, or has failed. `key`: of the run."""
+        return key in self.records or key in self.failures
 
     def _plan(self, settings: Iterable[int], model: Model, count: int) -> dict[str, PlannedRun]:
         """Return `count` runs of each of these settings: key of the run -> run."""
@@ -131,6 +162,13 @@ class Replications:
     def has_jammed(self, i: int, model: Model) -> bool:
         """Whether a run of a setting jammed."""
         return any(record.is_jammed for record in self.known(i, model))
+
+    def failure(self, i: int, model: Model) -> RunFailed | None:
+        """Return the error of the first run of a setting that failed; None if none did."""
+        for run in self._planned.get((i, model), []):
+            if run.key in self.failures:
+                return self.failures[run.key]
+        return None
 
     @property
     def violations(self) -> list[str]:
@@ -203,7 +241,11 @@ def confirmed(
     for i in settings:
         if replications.known(i, "full"):
             checks[i] = _check(replications, i, confidence)
-        notes += _notes(replications.settings[i], checks.get(i))
+        failure = replications.failure(i, "full")
+        if failure is None:
+            notes += _notes(replications.settings[i], checks.get(i))
+        else:
+            notes.append(f"the simulator could not check all: {failure}")
     return checks, notes
 
 

@@ -152,6 +152,8 @@ class StudyResult:
     given: list[str] = field(default_factory=list)
     #: What the last robots of the best setting may cost, and one more.
     break_even: list[BreakEven] = field(default_factory=list)
+    #: Settings of which a run failed, as by an error in a policy. `notes` tell which, and where.
+    failed: list[dict[str, Any]] = field(default_factory=list)
     #: By when a harvest must be done, in words; '' without a deadline.
     deadline: str = ""
     #: The same as an option of the command.

@@ -86,6 +86,11 @@ class PlannedRun:
         """Return the run of a scenario with another seed."""
         return cls(with_seed(scenario, seed), model, horizon)
 
+    @property
+    def name(self) -> str:
+        """The run in words, for messages."""
+        return f"seed {self.scenario.seed}, {self.model} model, {self.scenario.dispatch}"
+
     @cached_property
     def key(self) -> str:
         """The digest of all that decides the run's result."""
@@ -224,15 +229,25 @@ class RunFailed(Exception):
 
 def do(run: PlannedRun, until: float) -> RunRecord | None:
     """Do a run in a worker: see `PlannedRun.do`. Raises RunFailed."""
-    name = f"seed {run.scenario.seed}, {run.model} model, {run.scenario.dispatch}"
     try:
         return run.do(until)
     except PolicyFault as fault:
-        raise RunFailed(f"{name}: {fault}") from None
+        raise RunFailed(f"{run.name}: {fault}") from None
     # SystemExit is among MISTAKES: it would end the worker, and say nothing.
     except MISTAKES as error:
         reraise_ctrl_c(error)
-        raise RunFailed(f"{name}: {fault_words(error)}{place_of_error(error)}") from None
+        raise RunFailed(f"{run.name}: {fault_words(error)}{place_of_error(error)}") from None
+
+
+def outcome_of(run: PlannedRun, until: float) -> RunRecord | RunFailed | None:
+    """Do a run in a worker: see `PlannedRun.do`. Return the error of a run that fails.
+
+    So the worker's other runs are not lost.
+    """
+    try:
+        return do(run, until)
+    except RunFailed as failure:
+        return failure
 
 
 def key_of_run(

@@ -57,7 +57,7 @@ failures = partial(exit_on_errors, WorkersError, RunFailed, StoreFailed, code=FA
 def run_study(chosen: StudyArguments) -> int:
     """Do a study, print and write its answer.
 
-    Returns the exit code: 1 if an invariant, a run or a file fails.
+    Returns the exit code: 1 if an invariant, a run of any setting, or a file fails.
     """
     with own_classes_run(), exit_on_errors(ScenarioError, StoreError, OSError), failures():
         if chosen.sensitivity:
@@ -85,7 +85,7 @@ def run_study(chosen: StudyArguments) -> int:
         print_error(violation)
     unwritten = list(_unwritten(_files(chosen), result))
     is_told = tell_if_lost()
-    if result.violations or unwritten or not is_told:
+    if result.violations or result.failed or unwritten or not is_told:
         return FAILED
     return FINISHED
 

@@ -8,6 +8,7 @@ which runs ended first: it waits until all runs that it has asked for are done.
 import os
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
@@ -31,8 +32,7 @@ from orchard.contract.printed import Printed
 from orchard.terminal.long_calls import tell_long_calls
 
 GLANCE = 0.2  # s between two looks whether to stop
-# So many workers may die one after another, without any run done between. Then the work itself
-# seems to kill them.
+# So many workers may die with the same work. Then the work itself seems to kill them.
 MOST_DEATHS = 3
 CONNECTING = 10.0  # s to wait for a scheduler
 # Runs that wait in the executor beyond one for each worker, so that a free worker has work at once.
@@ -51,6 +51,17 @@ class WorkersError(Exception):
     """The workers cannot do the work: the text says why."""
 
 
+class WorkerDied(WorkersError):
+    """A worker died again and again with the same work, which is `item`."""
+
+    def __init__(self, item: Any) -> None:
+        super().__init__(
+            f"{MOST_DEATHS} times a worker died, and did nothing: own code has ended it, or the"
+            " memory is full"
+        )
+        self.item = item
+
+
 class Workers:
     """The workers of an executor. When a worker dies the executor is broken, and is replaced."""
 
@@ -65,29 +76,35 @@ class Workers:
     ) -> Iterator[tuple[Item, Result]]:
         """Yield each item with `work(item)`, in any order, as long as `goes_on` returns True.
 
-        An item whose worker died is done again. Raises WorkersError, or the error that `work`
-        raised.
+        An item whose worker died is done again. Raises WorkerDied for one that kills each worker,
+        or the error that `work` raised.
         """
         remaining = dict(enumerate(items))
-        deaths = 0
+        # By the number of the item: how many workers have died while it was with them.
+        deaths = Counter[int]()
         while remaining and goes_on():
+            pending: dict[Future[Result], int] = {}
             try:
-                for number, result in self._done(work, remaining, goes_on):
-                    deaths = 0
+                for number, result in self._done(work, _next(remaining, deaths), pending, goes_on):
                     yield remaining.pop(number), result
             except BrokenExecutor:
-                deaths += 1
-                if deaths == MOST_DEATHS:
-                    raise WorkersError(
-                        f"{deaths} times a worker died, and did nothing: is the memory full?"
-                    ) from None
+                deaths.update(pending.values())
+                for number in pending.values():
+                    if deaths[number] >= MOST_DEATHS:
+                        raise WorkerDied(remaining[number]) from None
                 self.executor.shutdown()
                 self.executor = self._start()
 
     def _done(
-        self, work: Callable[[Item], Result], items: Mapping[int, Item], goes_on: Callable[[], bool]
+        self,
+        work: Callable[[Item], Result],
+        items: Mapping[int, Item],
+        pending: dict[Future[Result], int],
+        goes_on: Callable[[], bool],
     ) -> Iterator[tuple[int, Result]]:
         """Yield the number of each item with its result. Raises BrokenExecutor if a worker dies.
+
+        `pending` is empty. It gets the numbers of the items that the executor has.
 
         The executor gets only as much work as it can begin soon, so that nothing need be cancelled
         when the study stops. With cancelled work the pool of Python 3.11 fails in its own thread if
@@ -95,7 +112,6 @@ class Workers:
         """
         # A copy, because the caller takes items out of the map meanwhile.
         waiting = iter(list(items.items()))
-        pending: dict[Future[Result], int] = {}
         while goes_on():
             for number, item in islice(waiting, self.count + ONE_AHEAD - len(pending)):
                 # This too fails if a worker has died meanwhile.
@@ -105,6 +121,17 @@ class Workers:
             for future in wait(pending, GLANCE, FIRST_COMPLETED).done:
                 result = future.result()
                 yield pending.pop(future), result
+
+
+def _next(remaining: Mapping[int, Item], deaths: Mapping[int, int]) -> Mapping[int, Item]:
+    """Return the items to do next: all, or one alone of those that a dead worker may have had.
+
+    Alone it shows whether it kills its worker, and kills no other work.
+    """
+    for number, item in remaining.items():
+        if deaths[number]:
+            return {number: item}
+    return remaining
 
 
 # -- on this machine

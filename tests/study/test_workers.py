@@ -21,13 +21,13 @@ import pytest
 from command_line import ROOT, orchard
 from machines import machines, needs_machines, within
 from patience import PATIENCE
-from work import blocked_signals, deadly, double, faulty, loud, slow
+from work import blocked_signals, deadly, deadly_at_three, double, faulty, loud, slow
 
 from orchard.contract.printed import MOST_LINES
 from orchard.field.scenario import Scenario
 from orchard.study.options import StudyOptions
 from orchard.study.study import study
-from orchard.study.workers import WorkersError, processes, scheduled
+from orchard.study.workers import WorkerDied, WorkersError, processes, scheduled
 
 HERE = Path(__file__).parent
 # A file that exists: `double` kills its worker at the number 3, unless the file that it is given
@@ -75,6 +75,13 @@ def test_ctrl_c_at_the_terminal_is_the_parents():
 def test_work_that_kills_each_worker_ends_the_study_with_words():
     with processes(1) as workers, pytest.raises(WorkersError, match="3 times a worker died"):
         list(workers.do(deadly, [1], always))
+
+
+def test_work_that_kills_each_worker_is_named():
+    """No other work is taken for it, though it was with the workers when one of them died."""
+    with processes(2) as workers, pytest.raises(WorkerDied) as raised:
+        list(workers.do(deadly_at_three, [1, 2, 3, 4], always))
+    assert raised.value.item == 3
 
 
 def test_an_error_of_the_work_comes_back():

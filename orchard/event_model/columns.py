@@ -107,8 +107,8 @@ ROBOT = np.dtype(
         ("worked", np.float64),
         ("repair", np.float64),
         ("part_ends", np.int64),
-        # Of a carrier that is repaired in the bay: the time at which the bay goes on with its bin;
-        # NEVER if it does not. Whether it has emptied the bin.
+        # Of a carrier that is repaired or held up in the bay: the time at which the bay goes on
+        # with its bin; NEVER if it does not. Whether it has emptied the bin.
         ("emptied_next", np.int64),
         ("is_emptied", np.bool_),
         # -- people and animals: how many it has met and at how many turns it has looked for them;

@@ -122,6 +122,12 @@ FAILING_IN_BAY: dict[str, dict[str, Any]] = {
         "carrying": {"failure": {"mean_between": 60.0, "mean_repair": 60.0}},
     },
 }
+# The last full bin stands in the bay, on a carrier behind one that is repaired at the queue's tail.
+HELD_UP_IN_BAY: dict[str, Any] = {
+    **{"rows": 6, "pickers": 2, "carriers": 5, "row_length": 24.0, "picking_speed": 1.0},
+    **{"dispatch": "nearest", "route": "one-way", "seed": 856},
+    "carrying": {"failure": {"mean_between": 60.0, "mean_repair": 60.0}},
+}
 POLICIES = (
     "nearest",
     "longest-waiting",
@@ -200,6 +206,11 @@ def test_carriers_that_charge_go_on_when_the_simulators_do() -> None:
 def test_the_bay_empties_the_bin_of_a_carrier_that_fails_there(name: str) -> None:
     """It does so while the carrier is repaired; the carrier hears that at its place."""
     assert_is_near(FAILING_IN_BAY[name])
+
+
+def test_the_bay_empties_the_bin_of_a_carrier_that_is_held_up() -> None:
+    """It does so before the carrier is at its place; the carrier hears that there."""
+    assert_is_near(HELD_UP_IN_BAY)
 
 
 @pytest.mark.soak

@@ -256,6 +256,8 @@ class Robots:
     def _go_on(self, me: Doing) -> None:
         """Set the state of a robot in its op, and when it goes on."""
         if me.kind == c.DRIVE:
+            if not me.memory.moving:
+                self._be_emptied(me)
             return
         go_on = self._ways_on.get(me.kind, self._begin)
         go_on(me)
@@ -493,7 +495,7 @@ class Robots:
             self._be_emptied(me)
 
     def _be_emptied(self, me: Doing) -> None:
-        """Let the bay go on with the bin of a carrier that is repaired in it."""
+        """Let the bay go on with the bin of a carrier that is repaired or held up in it."""
         body = self._coupled[self.layout.index[me.name]]
         if int(self.ops.kind[me.op + 1]) != c.UNLOAD or self._is_emptied(me):
             return

@@ -56,18 +56,34 @@ def take_in(m, carrier, tick):
     set_alarm(m, carrier, tick - BIN_FOLLOWS + ticks - tick_of(m))
 
 
-# -- a carrier that is repaired in the bay
+# -- a carrier whose bin rests in the bay before the carrier is at its place: it is repaired there, or
+# held up
+
+
+@inner
+def be_held_up(m, carrier):
+    """Let the bay go on with the bin of a carrier that is held up on its way, if that is in it."""
+    if m.robots[carrier].emptied_next <= m.desk[0].now:
+        go_on_emptying(m, carrier)
+    elif m.robots[carrier].emptied_next == c.NEVER:
+        may_be_emptied(m, carrier)
+
+
+@inner
+def begin_anew(m, carrier):
+    """Let the bay begin anew with a bin that it has not emptied, because its carrier drives on."""
+    m.robots[carrier].is_taken = False
+    m.robots[carrier].emptied_next = c.NEVER
 
 
 @inner
 def may_be_emptied(m, carrier):
-    """Let the bay look, once a failed carrier and its bin rest, whether it takes the bin.
+    """Let the bay look, once a carrier and its bin rest, whether it takes the bin.
 
     That is if the bin stands in the bay.
     """
     me = m.robots[carrier]
-    me.is_taken = False
-    me.emptied_next = c.NEVER
+    begin_anew(m, carrier)
     # A drive that begins in the bay with an empty bin leads to no UNLOAD.
     if m.ops[me.op + 1].kind != c.UNLOAD or me.is_emptied:
         return
@@ -78,7 +94,7 @@ def may_be_emptied(m, carrier):
 
 @inner
 def go_on_emptying(m, carrier):
-    """Let the bay take the bin of a failed carrier, if it can now, or be done with it."""
+    """Let the bay take the bin of such a carrier, if it can now, or be done with it."""
     me = m.robots[carrier]
     tick = tick_of(m)
     if me.is_taken:
@@ -127,7 +143,7 @@ def bins_before(m, carrier):
 def is_unloading(m, robot):
     """Whether a robot stands in the bay with a bin that is unloaded, or waits for that."""
     me = m.robots[robot]
-    if me.state == c.REPAIRED:
+    if me.state == c.REPAIRED or me.state == c.STANDING:
         return me.emptied_next != c.NEVER
     return me.state == c.LASTING and m.ops[me.op].kind == c.UNLOAD
 

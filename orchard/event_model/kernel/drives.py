@@ -9,6 +9,7 @@ from math import ceil, floor
 
 from orchard.event_model import codes as c
 from orchard.event_model.kernel.batteries import delay_charge, note_rest, ticks_to_flat
+from orchard.event_model.kernel.bay import be_held_up, begin_anew
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.failures import fail, is_repaired, may_fail
 from orchard.event_model.kernel.motion import after_ticks, set_alarm
@@ -266,6 +267,7 @@ def begin_leg(m, robot, limit, ticks):
     if op.picks:
         hear_repaired(m, robot)
     note_rest(m, robot)
+    begin_anew(m, robot)
     ticks = min(ticks, ticks_to_flat(m, robot))
     me.leg_begun = tick_of(m)
     me.leg_from = me.here
@@ -330,6 +332,8 @@ def stand(m, robot, ahead):
         ticks = min(ticks, ticks_to_swing_clear(m, robot, ahead))
     if ticks != c.NEVER:
         set_alarm(m, robot, ticks)
+    be_held_up(m, robot)
+    m.timers[c.WAKE, robot] = min(m.timers[c.WAKE, robot], me.emptied_next)
 
 
 @inner

@@ -6,7 +6,7 @@
 from math import inf
 
 from orchard.event_model import codes as c
-from orchard.event_model.kernel.bay import go_on_emptying, may_be_emptied
+from orchard.event_model.kernel.bay import begin_anew, go_on_emptying, may_be_emptied
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.motion import whole_ticks
 from orchard.event_model.kernel.places import tick_of
@@ -126,8 +126,6 @@ def is_repaired(m, robot):
 @inner
 def end_repair(m, robot):
     """Be repaired. The bay begins anew with a bin that it has not emptied."""
-    me = m.robots[robot]
-    me.is_taken = False
-    me.emptied_next = c.NEVER
-    if m.ops[me.op].picks:
+    begin_anew(m, robot)
+    if m.ops[m.robots[robot].op].picks:
         hear_repaired(m, robot)

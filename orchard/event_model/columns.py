@@ -214,9 +214,9 @@ CALL = np.dtype(
         # Tick at which it begins to call, and at which it will be full.
         ("since", np.int64),
         ("full", np.float64),
-        # The tick at which it will be full at the mean speed, which it takes for true up to the
-        # tick at which it has measured another one.
-        ("mean_full", np.float64),
+        # The tick at which it will be full at the speed that it takes for true up to the tick at
+        # which it has measured that of this pass.
+        ("expected", np.float64),
         ("measured", np.int64),
         # Tick since which its picker has stood, or been repaired, where it picks; and the ticks
         # between which it stood before that.

@@ -245,6 +245,7 @@ class Program:
         block = layout.blocks[picker]
         start = next(start.pose for start in layout.starts if start.name == picker)
         passes = []
+        fills_on = False
         for drive in layout.passes(block):
             passes.append((len(self.passes), drive))
             self.bins += drive.leaves_bin
@@ -255,7 +256,9 @@ class Program:
                 metres=drive.metres,
                 is_full=drive.is_full,
                 leaves_bin=drive.leaves_bin,
+                fills_on=fills_on,
             )
+            fills_on = not drive.leaves_bin
         first = self._translate(
             Writer(self.route.harvest(block), start, layout.machines["picker"], passes=passes)
         )

@@ -95,6 +95,8 @@ PASS = np.dtype(
         ("metres", np.float64),
         ("is_full", np.bool_),
         ("leaves_bin", np.bool_),
+        # Whether it fills the bin of its picker's pass before, which is part full.
+        ("fills_on", np.bool_),
     ],
     align=True,
 )

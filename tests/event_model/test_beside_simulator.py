@@ -54,6 +54,11 @@ CELLS: dict[str, dict[str, Any]] = {
         "picking": SPREAD,
         "seed": 4,
     },
+    "part-full bins that know the speed of the row before": {
+        **{"rows": 6, "carriers": 5, "row_length": 45.0, "picking_speed": 0.2},
+        **{"dispatch": "predictive-farthest", "route": "one-way", "order_in_row": "outward"},
+        **{"metres_per_bin": 11.0, "picking": SPREAD, "seed": 9248},
+    },
     "bins that do not report while their pickers leave the rows": {
         "rows": 4,
         "pickers": 2,

@@ -57,7 +57,7 @@ def see_row(m, picker):
     if call.bin != me.bin:
         begin_call(m, picker, me.bin, drive.end)
     call.full = full
-    call.mean_full = tick + ticks_to_fill(m, op, drive, m.desk[0].mean_speed)
+    call.expected = tick + ticks_to_fill(m, op, drive, speed_before(m, op))
     call.measured = tick + MEASURED
     call.stood_until = c.NONE
     if not call.is_reported:
@@ -85,11 +85,22 @@ def begin_call(m, picker, name, end):
 def speed_seen(m, op):
     """Return the speed at which a bin takes its picker to pick, m/s.
 
-    It sees that only where its picker picks, and takes the mean speed before.
+    It sees that only where its picker picks.
     """
     if op.metres > 0.0:
-        return m.desk[0].mean_speed
+        return speed_before(m, op)
     return m.speeds[op.arg]
+
+
+@inner
+def speed_before(m, op):
+    """Return the speed that a bin takes for true before its picker picks, m/s.
+
+    It is the speed at which it was filled last, or the mean speed if it is empty.
+    """
+    if m.passes[op.arg].fills_on:
+        return m.speeds[op.arg - 1]
+    return m.desk[0].mean_speed
 
 
 @inner
@@ -265,7 +276,7 @@ def ticks_left(m, picker, tick):
     """Return the ticks until a bin is full, as it knew them at a tick."""
     call = m.calls[picker]
     if tick < call.measured:
-        return call.mean_full - tick
+        return call.expected - tick
     if call.failed != c.NONE:
         return call.full - min(tick, call.failed)
     if tick >= call.stood_until:

@@ -5,8 +5,13 @@ are bought are paid by working hours. What is paid by the day is paid for each d
 the long run all days are whole.
 
 A picker earns by the hour and by the bin. If that is less than `picker_least_per_day`, the
-difference is paid too. All pickers are taken to fill equally many bins, at the same rate each day.
+difference is paid too. All pickers are taken to fill bins at the same rate while they are there. A
+picker that is away (`picker_absences`) earns nothing then, and of a day's least it gets its share
+of the day.
 """
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from orchard.field.scenario import Prices, Scenario
 from orchard.report.days import Day, WorkDays
@@ -27,7 +32,7 @@ PAYMENTS = {
 # The key of the scenario that has the number of robots of a kind -> the payments that grow with
 # this number.
 OF_ROBOTS = {
-    "pickers": ("picker_hours", "picker_bought"),
+    "pickers": ("picker_hours", "picker_least", "picker_bought"),
     "carriers": ("carrier_hours", "carrier_days", "carrier_bought"),
 }
 
@@ -61,21 +66,63 @@ def payments_of_harvest(
     return _payments(scenario, days.of(seconds), bins)
 
 
-def _payments(scenario: Scenario, days: list[Day], bins: float) -> dict[str, float]:
+@dataclass(frozen=True)
+class _Attendance:
+    """Days of pickers that are alike: a day of one picker counts as one."""
+
+    count: int
+    #: The working hours that are paid to a picker on such a day.
+    hours: float
+    #: For how much of the harvest's time it is there, s.
+    seconds: float
+    #: For which share of the day it is there, 0 to 1.
+    share: float = 1.0
+
+
+def _attendances(scenario: Scenario, days: Sequence[Day]) -> list[_Attendance]:
+    """Return when the pickers are there. `days`: on which the work is done, in their order."""
+    absences = scenario.picker_absences
+    attendances = []
+    begin = 0.0
+    for day in days:
+        always_there = scenario.pickers - len(absences)
+        attendances.append(_Attendance(always_there * day.count, day.hours, day.seconds))
+        for _ in range(day.count):
+            for intervals in absences.values():
+                away = _seconds_away(intervals, begin, begin + day.seconds)
+                share = 1.0 - away / day.seconds
+                attendances.append(_Attendance(1, share * day.hours, share * day.seconds, share))
+            begin += day.seconds
+    return attendances
+
+
+def _seconds_away(intervals: Sequence[Sequence[float]], begin: float, end: float) -> float:
+    """Return for how long a picker is away between two moments of a harvest, s.
+
+    `intervals`: pairs of hours, apart from each other.
+    """
+    away = 0.0
+    for first, last in intervals:
+        away += max(0.0, min(end, 3600.0 * last) - max(begin, 3600.0 * first))
+    return away
+
+
+def _payments(scenario: Scenario, days: Sequence[Day], bins: float) -> dict[str, float]:
     """Return what a bin costs: key of a payment -> amount, without those of which nothing is paid.
 
     `days`: on which the work is done. `bins`: that are filled on all these days together.
     """
     prices = scenario.prices
-    pickers = scenario.pickers
     carriers = scenario.carrier_count
+    attendances = _attendances(scenario, days)
+    picker_hours = sum(there.count * there.hours for there in attendances)
     hours = sum(day.count * day.hours for day in days)
     count = sum(day.count for day in days)
     paid = {
-        "picker_hours": pickers * hours * (prices.picker_per_hour or 0.0),
+        "picker_hours": picker_hours * (prices.picker_per_hour or 0.0),
         "picker_bins": bins * (prices.picker_per_bin or 0.0),
-        "picker_least": pickers * _up_to_least(prices, days, bins / pickers),
-        "picker_bought": pickers * hours * prices.picker_bought.per_hour,
+        "picker_least": _up_to_least(prices, attendances, bins),
+        "picker_bought": picker_hours * prices.picker_bought.per_hour,
         "carrier_hours": carriers * hours * (prices.carrier_per_hour or 0.0),
         "carrier_days": carriers * count * (prices.carrier_per_day or 0.0),
         "carrier_bought": carriers * hours * prices.carrier_bought.per_hour,
@@ -86,18 +133,19 @@ def _payments(scenario: Scenario, days: list[Day], bins: float) -> dict[str, flo
     return {purpose: amount / bins for purpose, amount in paid.items() if amount}
 
 
-def _up_to_least(prices: Prices, days: list[Day], bins: float) -> float:
-    """Return what one picker is paid on all days up to the least of a day, beside hours and bins.
+def _up_to_least(prices: Prices, attendances: Sequence[_Attendance], bins: float) -> float:
+    """Return what all pickers are paid up to the least of a day, beside hours and bins.
 
-    `bins`: that it fills on all days together.
+    `bins`: that they fill together.
     """
-    least = prices.picker_least_per_day
-    if least is None:
+    if prices.picker_least_per_day is None:
         return 0.0
-    seconds = sum(day.count * day.seconds for day in days)
+    seconds = sum(there.count * there.seconds for there in attendances)
+    piece_rate_of_second = bins / seconds * (prices.picker_per_bin or 0.0)
     up_to_least = 0.0
-    for day in days:
-        earned = day.hours * (prices.picker_per_hour or 0.0)
-        earned += bins * day.seconds / seconds * (prices.picker_per_bin or 0.0)
-        up_to_least += day.count * max(0.0, least - earned)
+    for there in attendances:
+        earned = there.hours * (prices.picker_per_hour or 0.0)
+        earned += there.seconds * piece_rate_of_second
+        least = there.share * prices.picker_least_per_day
+        up_to_least += there.count * max(0.0, least - earned)
     return up_to_least

@@ -90,6 +90,35 @@ def test_carriers_that_drive_home_leave_less_of_a_day() -> None:
     assert paid["picker_hours"] == pytest.approx(4 * 10.0 * 9 / 16)
 
 
+def test_a_picker_that_is_away_is_not_paid() -> None:
+    """24 bins at 2 an hour take 12 h: 8 h and 4 h. One of 4 pickers comes after 4 h, and is ill on
+    the second day. So 3 * 12 + 4 h are paid, 10 each.
+
+    Of the least of 100 for a day the others get 20 and 60 more, and it 10 more for half a day.
+    """
+    prices = {"picker_per_hour": 10.0, "picker_least_per_day": 100.0}
+    scenario = four_pickers(**prices)
+    ill = scenario.model_copy(update={"picker_absences": {"picker_02": [[0.0, 4.0], [8.0, 16.0]]}})
+    paid = payments_of_harvest(ill, 24, 2.0, EIGHT_HOURS)
+    assert paid["picker_hours"] == pytest.approx(10.0 * 40 / 24)
+    assert paid["picker_least"] == pytest.approx((3 * (20.0 + 60.0) + 10.0) / 24)
+
+
+def test_a_piece_rate_falls_to_those_that_are_there() -> None:
+    """24 bins at 3 an hour take 8 h. One of 4 pickers is away for half of the day, so
+    3.5 days fill 24 bins: 48 / 7 each, and it half of that.
+
+    At 14 a bin they earn 96 and 48. At least 110 a day are paid: 14 more, and 7 more for half a
+    day.
+    """
+    prices = {"picker_per_bin": 14.0, "picker_least_per_day": 110.0}
+    scenario = four_pickers(**prices)
+    late = scenario.model_copy(update={"picker_absences": {"picker_02": [[0.0, 4.0]]}})
+    paid = payments_of_harvest(late, 24, 3.0, EIGHT_HOURS)
+    assert paid["picker_bins"] == pytest.approx(14.0)
+    assert paid["picker_least"] == pytest.approx((3 * 14.0 + 7.0) / 24)
+
+
 MISTAKES = [
     (
         "prices: {carrier_per_day: 80}",

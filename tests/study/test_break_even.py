@@ -12,14 +12,17 @@ from orchard.study.options import StudyOptions
 from orchard.study.settings import Setting
 
 PRICES = {"picker_per_hour": 25.0, "carrier_per_hour": 10.0}
+SHIFT = {"begin": "08:00", "end": "16:00"}
 
 
 def known(rate: float, carriers: int, pickers: int = 4, **prices: Any) -> KnownSetting:
     """Return a setting with prices, two runs of which had this rate, bins an hour.
 
-    Pickers cost 25 an hour each, and carriers 10.
+    Pickers cost 25 an hour each, and carriers 10. A day has 8 h.
     """
-    scenario = Scenario(rows=8, pickers=pickers, carriers=carriers, prices=PRICES | prices)
+    scenario = Scenario(
+        rows=8, pickers=pickers, carriers=carriers, shift=SHIFT, prices=PRICES | prices
+    )
     record: Any = SimpleNamespace(bins_per_hour=rate, counted_bins=None)
     return KnownSetting(
         Setting({"pickers": pickers, "carriers": carriers}, scenario), [record, record]
@@ -55,6 +58,18 @@ def test_a_robot_that_is_bought_is_worth_its_hours() -> None:
         "picker number 5 pays if it costs up to 30.0 an hour; one that is bought is worth 60,000,"
         " with 5 years of 400 hours"
     )
+
+
+def test_the_least_of_a_day_is_paid_for_a_robot() -> None:
+    """A day of 8 h is paid with 240 at least, 30 an hour in place of 25.
+
+    With 4 pickers and 2 carriers an hour costs 4 * 30 + 2 * 10 = 140, and a bin 140 / 10 = 14. With
+    a fifth picker 12.5 bins may cost 175 at 14 a bin: 120 for the other pickers, 20 for carriers,
+    and 35 for the fifth one.
+    """
+    five = known(12.5, 2, pickers=5, picker_least_per_day=240.0)
+    (last,) = break_evens(five, [known(10.0, 2, picker_least_per_day=240.0)], 0.95)
+    assert last.per_hour.mean == pytest.approx(35.0)
 
 
 def test_each_of_two_more_robots_may_cost_half_of_what_both_save() -> None:

@@ -13,6 +13,7 @@ from statistics import fmean
 from orchard.study.answer_words import answer
 from orchard.study.break_even import KnownSetting, break_even_words, break_evens
 from orchard.study.comparing import Comparison, compare
+from orchard.study.kept_values import notes_on_kept_values
 from orchard.study.notes import StudyNotes, no_room
 from orchard.study.orchard_words import orchard_words
 from orchard.study.question import Question
@@ -276,4 +277,5 @@ class Findings:
             sentences += notes.part_full(scenario)
             sentences += notes.rare_truck(scenario)
         sentences += notes.heavier_bins(question.scenario)
+        sentences += notes_on_kept_values(question.varied, question.scenario)
         return sentences + self.notes_of_checks + notes.damaged()

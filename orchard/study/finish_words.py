@@ -1,6 +1,7 @@
 """The answer of a study with a deadline, in words. `orchard.study.finishing` finds it."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from scipy import special
 
@@ -22,6 +23,15 @@ REMEDIES = {
 }
 
 
+@dataclass(frozen=True)
+class SmallerFleet:
+    """A fleet with fewer robots of one kind than the answer."""
+
+    fleet: Fleet
+    #: How many harvests of a trial must be late, by their limits without traffic.
+    late: int
+
+
 def too_early(fastest: Fleet, deadline: Deadline) -> str:
     """Return why no fleet can meet a deadline, and what would help."""
     needed = hours_words(fastest.limit_seconds)
@@ -33,7 +43,7 @@ def too_early(fastest: Fleet, deadline: Deadline) -> str:
 
 
 def finish_answer(
-    result: StudyResult, smaller: Sequence[Fleet], trial: Trial, days: WorkDays | None
+    result: StudyResult, smaller: Sequence[SmallerFleet], trial: Trial, days: WorkDays | None
 ) -> str:
     """Return the answer: the fleet, its time, how sure that is, its cost, and what slightly smaller
     fleets need.
@@ -50,7 +60,7 @@ def finish_answer(
     else:
         words = _best_words(best, result, days)
         is_sure = best.replications >= trial.replications
-    parts = [words, *_smaller_words(result, smaller)]
+    parts = [words, *_smaller_words(result, smaller, trial)]
     if result.is_cut and not is_sure:
         parts.append("not all runs are done, so this is the answer so far")
     return f"{'; '.join(parts)}. The orchard: {result.orchard}."
@@ -105,21 +115,41 @@ def _time_words(seconds: Interval) -> str:
     return hours_words(seconds.mean, seconds.high - seconds.mean)
 
 
-def _smaller_words(result: StudyResult, smaller: Sequence[Fleet]) -> list[str]:
-    """Return what fleets with fewer robots of one kind need."""
+def _smaller_words(
+    result: StudyResult, smaller: Sequence[SmallerFleet], trial: Trial
+) -> list[str]:
+    """Return what fleets with fewer robots of one kind need, and why one that is in time in its few
+    runs is not the answer: it is late with other seeds, or costs more.
+    """
     words = []
-    for fleet in smaller:
-        row = result.row_of(fleet.setting.values)
+    for one in smaller:
+        row = result.row_of(one.fleet.setting.values)
         if row is None or row.harvest_seconds is None:
-            need = f"at least {hours_words(fleet.limit_seconds)}"
+            need = f"at least {hours_words(one.fleet.limit_seconds)}"
         else:
-            need = hours_words(row.harvest_seconds.mean)
-        words.append(f"{_fleet_words(fleet)} would need {need}")
+            need = f"{hours_words(row.harvest_seconds.mean)}{_why_not(row, one, trial)}"
+        words.append(f"{_fleet_words(one.fleet)} would need {need}")
     return words
 
 
+def _why_not(row: Row, smaller: SmallerFleet, trial: Trial) -> str:
+    """Return why a fleet of which the runs are in time is not the answer; '' if they are late."""
+    if row.in_time != row.replications:
+        return ""
+    if smaller.late > trial.late:
+        return (
+            f" on average, but {smaller.late} of {trial.replications} harvests would be late even"
+            " without traffic"
+        )
+    if row.cost_per_bin is None:
+        return ""
+    return f", for {interval_words(row.cost_per_bin)} a bin"
+
+
 def _none_in_time(result: StudyResult, trial: Trial) -> str:
-    """Return that no fleet is in time as often as is asked, and which one is the fastest."""
+    """Return that no fleet is in time as often as is asked, which one is the fastest, and what
+    would help.
+    """
     known = [row for row in result.table if row.harvest_seconds is not None]
     wanted = f"{trial.replications - trial.late} of {trial.replications} harvests"
     if not known:
@@ -127,10 +157,14 @@ def _none_in_time(result: StudyResult, trial: Trial) -> str:
     fastest = min(known, key=_mean_seconds)
     seconds = fastest.harvest_seconds
     assert seconds is not None
+    the_fastest = "the fastest one"
+    if len(known) > 1:
+        the_fastest = f"the fastest of {len(known)}"
     return (
-        f"No fleet finishes {wanted} {result.deadline}: the fastest of {len(known)}"
+        f"No fleet finishes {wanted} {result.deadline}: {the_fastest}"
         f" is {_row_words(fastest)} with {_time_words(seconds)}, {fastest.in_time} of"
-        f" {fastest.replications} in time"
+        f" {fastest.replications} in time; a later deadline would do, or"
+        f" {REMEDIES[fastest.bottleneck]}"
     )
 
 

@@ -26,7 +26,7 @@ from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.study.checking import checked_settings, free_robots
 from orchard.study.deadline import Deadline, Trial
-from orchard.study.finish_words import finish_answer, too_early
+from orchard.study.finish_words import SmallerFleet, finish_answer, too_early
 from orchard.study.fleets import PICKERS, Fleet, Fleets
 from orchard.study.options import StudyOptions
 from orchard.study.orchard_words import orchard_words
@@ -211,10 +211,9 @@ class _Search:
 
         If there is none, return the fastest fleet: its runs show the user how late it is.
         """
-        count = self.trial.replications
         candidates = []
         for fleet in self.fleets.fleets:
-            if self.fleets.least_late(fleet, count) <= self.trial.late:
+            if self._late_by_limits(fleet) <= self.trial.late:
                 candidates.append(fleet)
         if not candidates:
             return [self.fleets.fastest()]
@@ -301,8 +300,12 @@ class _Search:
             tried = self._tried(fleet)
             if not self.runs.do([tried.number], self.model, BESIDE, self.until):
                 return False
-            tried.is_out = self._is_out(tried)
+            tried.is_out = self._is_out(tried) or self._late_by_limits(fleet) > self.trial.late
         return True
+
+    def _late_by_limits(self, fleet: Fleet) -> int:
+        """Return how many harvests of a trial must be late, by their limits."""
+        return self.fleets.least_late(fleet, self.trial.replications)
 
     def beside(self, answer: _Tried) -> list[Fleet]:
         """Return the slightly smaller fleets that may be in time by their limits: only these are
@@ -385,13 +388,14 @@ class _Search:
     def _result(self) -> StudyResult:
         """Return what is known so far."""
         best = None
-        smaller: list[Fleet] = []
+        smaller: list[SmallerFleet] = []
         days = None
         if self.answer is not None:
             setting = self.answer.fleet.setting
             best = setting.values
             days = setting.days
-            smaller = self._smaller(self.answer)
+            for fleet in self._smaller(self.answer):
+                smaller.append(SmallerFleet(fleet, self._late_by_limits(fleet)))
         result = StudyResult(
             answer="",
             orchard=orchard_words(self.scenario, OF_FLEETS),

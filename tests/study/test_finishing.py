@@ -216,7 +216,39 @@ def test_where_slow_rows_forbid_it_the_fastest_fleet_tells(tmp_path) -> None:
     found = finish_study(CHANCE, BOTH, within(0.28), options)
     assert found.best is None
     assert found.answer.startswith("No fleet finishes 19 of 20 harvests within 0.28 h of work: the")
-    assert "the fastest of 1 is 6 pickers and" in found.answer
+    assert "the fastest one is 6 pickers and" in found.answer
+    assert f"; a later deadline would do, or {REMEDIES['pickers']}" in found.answer
+
+
+def test_a_smaller_fleet_in_time_says_why_it_is_not_the_answer(tmp_path) -> None:
+    """Two pickers are done in 49 min with the first seeds. With two of 20 seeds they need more than
+    an hour, which their rows alone take.
+    """
+    options = replace(OPTIONS, store=tmp_path / "s.db")
+    found = finish_study(CHANCE, BOTH, within(1.0), options)
+    (two,) = [row for row in found.table if row.setting["pickers"] == 2]
+    assert two.in_time == two.replications
+    assert two.standing == "worse"
+    assert (
+        "2 pickers and 1 carrier would need 0:49 h on average, but 2 of 20 harvests would be late"
+        " even without traffic" in found.answer
+    )
+
+
+def test_a_smaller_fleet_in_time_that_is_dearer_tells_its_cost(tmp_path) -> None:
+    """An hour of all else is so dear that the second carrier pays."""
+    prices = PRICES | {"overhead_per_hour": 3000.0}
+    found = finish_study(
+        with_changes(SMALL, prices=prices),
+        {"pickers": [6], "carriers": [1, 2]},
+        within(1.0),
+        replace(OPTIONS, store=tmp_path / "s.db"),
+    )
+    one, two = found.table
+    assert found.best == two.setting and one.cost_per_bin is not None
+    assert one.cost_per_bin.mean > two.cost_per_bin.mean
+    assert "6 pickers and 1 carrier would need" in found.answer
+    assert f" h, for {one.cost_per_bin.mean:.0f} a bin" in found.answer
 
 
 MISTAKES: list[tuple[dict[str, list[Any]], Deadline, dict[str, Any], str]] = [

@@ -51,6 +51,8 @@ _MAPS = {
         "pairs of hours of work, from and to, 0 to 2000: [[0, 4.5]]",
     ),
 }
+# Keys of a farm's file, which `orchard.study.farm_file` reads.
+_OF_FARMS = ("blocks", "transfer_minutes")
 # Key of such a map -> what is wrong with a name in it that is refused.
 _NOT_A_NAME = {
     "picker_absences": "not the name of a picker, such as picker_01",
@@ -362,6 +364,11 @@ def _guess(path: tuple[str, ...], model: type[BaseModel], value: Any) -> str:
 
 def _unknown(path: tuple[str, ...], model: type[BaseModel]) -> str:
     """Return what to say of an unknown key: the key that may be meant, here or elsewhere."""
+    if len(path) == 1 and path[0] in _OF_FARMS:
+        return (
+            "unknown key of a scenario: it is one of a farm's file, which only orchard study reads;"
+            " harvest each block's own file"
+        )
     here = _keys(path[:-1], model)
     elsewhere = _paths(model)
     key = path[-1].lower().replace("-", "_").replace(" ", "_")[:LONGEST_VALUE]

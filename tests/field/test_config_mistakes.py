@@ -122,6 +122,14 @@ def test_an_unknown_key_tells_the_closest(text: str, path: str, guess: str) -> N
     assert f"did you mean {guess}?" in line
 
 
+def test_a_farm_that_is_read_as_a_scenario_tells_what_reads_it() -> None:
+    line = refusal("blocks: [{file: top.yaml}]")
+    assert line.endswith(
+        "unknown key of a scenario: it is one of a farm's file, which only orchard study reads;"
+        " harvest each block's own file"
+    )
+
+
 def test_an_unknown_key_tells_the_known_ones() -> None:
     assert refusal("xyzzy: 1").endswith(
         "unknown key; known here: rows, pickers, row_length, metres_per_bin, bins_per_row, crop,"

@@ -20,6 +20,7 @@ from orchard.field.layout import lay_out
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario, with_changes
 from orchard.report.limits import full_bins
+from orchard.study.break_even import break_even_words
 from orchard.study.checking import checked_settings
 from orchard.study.farm_file import Farm, FarmBlock
 from orchard.study.options import StudyOptions
@@ -386,8 +387,11 @@ def _notes(
     if any(result.scenario["shift"]["begin"] is not None for result in results):
         notes.append("the shift of a block is not used: times of a farm are working time")
     for block, result in zip(farm.blocks, results, strict=True):
+        # A farm is not asked for its costs.
+        of_costs = set(map(break_even_words, result.break_even))
         for note in result.notes:
-            notes.append(f"{block.name}: {note}")
+            if note not in of_costs:
+                notes.append(f"{block.name}: {note}")
     if options.model == "fast":
         notes.append("by the fast model; the simulator checks a block: orchard study FILE")
     return notes

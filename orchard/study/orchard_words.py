@@ -1,9 +1,12 @@
 """The orchard of a study in words: everything about it that does not vary."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 from orchard.field.scenario import Scenario
 from orchard.study.words import counted
+
+# How many pickers a list names.
+MOST_NAMED = 4
 
 
 def orchard_words(scenario: Scenario, varied: Collection[str] = ()) -> str:
@@ -21,15 +24,51 @@ def orchard_words(scenario: Scenario, varied: Collection[str] = ()) -> str:
     parts = [_rows_words(scenario, varied)]
     if scenario.crop.kilograms_per_bin is not None:
         words["crop.kilograms_per_bin"] = f"{scenario.crop.kilograms_per_bin:g} kg in a bin"
+    words |= _people_words(scenario)
     words |= _machine_words(scenario)
     parts += [phrase for key, phrase in words.items() if not _varies(key, varied)]
     return ", ".join(parts)
 
 
 def _varies(key: str, varied: Collection[str]) -> bool:
-    """Whether a key varies by itself, or with the section in which it is, such as `load_out`."""
+    """Whether a key varies by itself, with the section in which it is, such as `load_out`, or with
+    a part of it, such as `shift.breaks`.
+    """
     section, _, _ = key.partition(".")
-    return key in varied or section in varied
+    of_it = [name for name in varied if name.startswith(f"{key}.")]
+    return key in varied or section in varied or bool(of_it)
+
+
+def _people_words(scenario: Scenario) -> dict[str, str]:
+    """Return which pickers are slow or away, and when people work: key of the scenario -> words."""
+    words = {}
+    if scenario.rows_to_pickers != Scenario.model_fields["rows_to_pickers"].default:
+        words["rows_to_pickers"] = f"{scenario.rows_to_pickers} rows"
+    if scenario.picker_rates:
+        rates = []
+        for name, share in scenario.picker_rates.items():
+            rates.append(f"{name} at {100.0 * share:g} %")
+        words["picker_rates"] = f"{_listed(rates)} of the usual rate"
+    if scenario.picker_absences:
+        away = []
+        for name, intervals in scenario.picker_absences.items():
+            hours = " and ".join(f"{first:g} to {last:g}" for first, last in intervals)
+            away.append(f"{name} away from {hours} h")
+        words["picker_absences"] = _listed(away)
+    shift = scenario.shift
+    if shift.is_set:
+        words["shift"] = f"days from {shift.begin} to {shift.end}"
+        if shift.breaks:
+            words["shift"] += f" with {counted('breaks', len(shift.breaks))}"
+    return words
+
+
+def _listed(words: Sequence[str]) -> str:
+    """Return the first words, and how many more there are."""
+    named = ", ".join(words[:MOST_NAMED])
+    if len(words) > MOST_NAMED:
+        named += f" and {len(words) - MOST_NAMED} more"
+    return named
 
 
 def _machine_words(scenario: Scenario) -> dict[str, str]:
@@ -59,11 +98,11 @@ def _load_out_words(scenario: Scenario) -> dict[str, str]:
     trailers = scenario.load_out.trailers
     if trailers.count is not None and trailers.bins is not None:
         words["load_out.trailers.count"] = counted("trailers", trailers.count)
-        words["load_out.trailers.bins"] = f"{counted('bins', trailers.bins)} on each"
+        words["load_out.trailers.bins"] = f"{counted('bins', trailers.bins)} on a trailer"
     truck = scenario.load_out.truck
     if truck.every is not None and truck.bins is not None:
         words["load_out.truck.every"] = f"a truck every {truck.every:g} s"
-        words["load_out.truck.bins"] = f"{counted('bins', truck.bins)} on it"
+        words["load_out.truck.bins"] = f"{counted('bins', truck.bins)} on a truck"
     empty_bins = scenario.load_out.empty_bins
     if empty_bins is not None:
         words["load_out.empty_bins"] = f"{counted('empty bins', empty_bins)} at the bay"

@@ -106,6 +106,16 @@ def test_a_farm_takes_its_harvests_and_its_transfers(farm, tmp_path, monkeypatch
     assert any("no recording or picture shows them together" in note for note in result.notes)
 
 
+def test_a_farm_with_prices_tells_no_cost_of_a_robot(farm, tmp_path, monkeypatch):
+    """It says that it does not use them."""
+    monkeypatch.setattr(module, "processes", lambda _: FewRuns(1000))
+    (tmp_path / "top.yaml").write_text(f"{TOP}prices: {{picker_per_hour: 20}}\n")
+    options = StudyOptions(budget_seconds=3600.0, store=tmp_path / "s.db", within=0.2)
+    result = farm_study(read_farm(farm, ["carriers"]), {"carriers": [1, 2]}, options)
+    assert "prices of the blocks are not used: a farm is asked for its time" in result.notes
+    assert not [note for note in result.notes if "pays" in note]
+
+
 def test_blocks_have_seeds_and_chances_of_their_own(farm):
     """Seeds of a block follow each other, so those of the next block begin far away."""
     seeds = [block.scenario.seed for block in read_farm(farm, ["carriers"]).blocks]

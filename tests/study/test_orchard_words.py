@@ -15,7 +15,7 @@ def test_the_answer_says_how_long_carriers_are_away() -> None:
     assert f"s to uncouple it, {speed}, 60 s there" in orchard_words(haul, ["load_out.metres"])
     assert "400 m away, 60 s there" in orchard_words(haul, ["load_out.speed"])
     trailers = {"seconds_away": 260.0, "trailers": {"count": 2, "bins": 3}}
-    assert "260 s away at the load-out, 2 trailers, 3 bins on each" in orchard_words(
+    assert "260 s away at the load-out, 2 trailers, 3 bins on a trailer" in orchard_words(
         Scenario.model_validate({"load_out": trailers})
     )
     assert "load-out" not in orchard_words(Scenario())
@@ -24,7 +24,26 @@ def test_the_answer_says_how_long_carriers_are_away() -> None:
 def test_the_answer_says_when_the_truck_comes() -> None:
     truck = {"truck": {"every": 300.0, "bins": 2}, "empty_bins": 2}
     words = orchard_words(Scenario.model_validate({"load_out": truck}))
-    assert "a truck every 300 s, 2 bins on it, 2 empty bins at the bay" in words
+    assert "a truck every 300 s, 2 bins on a truck, 2 empty bins at the bay" in words
+
+
+def test_the_answer_says_who_is_slow_or_away_and_when_people_work() -> None:
+    crew = Scenario.model_validate(
+        {
+            "picker_rates": {"picker_01": 0.5},
+            "picker_absences": {"picker_02": [[0, 4.5], [17, 25.5]]},
+            "rows_to_pickers": "balanced-times",
+            "shift": {"begin": "07:00", "end": "16:30", "breaks": [["10:00", "10:15"]]},
+        }
+    )
+    rates = "picker_01 at 50 % of the usual rate"
+    away = "picker_02 away from 0 to 4.5 and 17 to 25.5 h"
+    day = "days from 07:00 to 16:30 with 1 break"
+    assert f"balanced-times rows, {rates}, {away}, {day}" in orchard_words(crew)
+    words = orchard_words(crew, ["picker_rates", "picker_absences", "shift", "rows_to_pickers"])
+    parts = orchard_words(crew, ["picker_rates.picker_01", "shift.breaks"])
+    assert "usual" not in parts and "days" not in parts
+    assert not {"balanced", "usual", "away", "days"} & set(words.split())
 
 
 def test_the_answer_says_how_many_carriers_unload_at_a_time() -> None:

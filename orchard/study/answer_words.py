@@ -61,6 +61,7 @@ def _chosen_words(result: StudyResult) -> str:
         _end(result),
         _alike(result),
         _undecided(result),
+        _on_the_edge(result),
         _checked(best, result),
     ]
     orchard = (
@@ -247,10 +248,11 @@ def _figures(best: Row, result: StudyResult) -> str:
     """Return the figure of the goal with its interval, then bins an hour and the cost of a bin.
 
     If the goal is the least cost of one harvest, its time is added: a long harvest and a short one
-    may cost the same.
+    may cost the same. With a shift each harvest has its time, and when it ends.
     """
     goals: list[Goal] = [result.goal, "bins_per_hour", "cost_per_bin"]
-    if result.goal == "cost_per_bin" and result.horizon == "harvest":
+    is_by_cost = result.goal == "cost_per_bin" and result.horizon == "harvest"
+    if is_by_cost or best.ends:
         goals.append("harvest_seconds")
     parts: list[str] = []
     for goal in dict.fromkeys(goals):
@@ -261,6 +263,8 @@ def _figures(best: Row, result: StudyResult) -> str:
             parts.append(f"{number_words(figure.mean)} {UNITS[goal]}")
         else:
             parts.append(f"{interval_words(figure)} {UNITS[goal]}")
+        if goal == "harvest_seconds" and best.ends:
+            parts[-1] += f", which ends on {best.ends}"
     words = ", ".join(parts)
     if result.horizon == "long":
         words += " in the long run"
@@ -339,6 +343,29 @@ def _undecided(result: StudyResult) -> str:
     key = _only_difference([result.best, *others])
     best, *names = _named([result.best, *others], key)
     return _more_runs(f"to tell {_listed(names)} from {best}", result.seconds_needed)
+
+
+def _on_the_edge(result: StudyResult) -> str:
+    """Return which settings with as few robots are so near to the edge of what counts that more
+    runs are not worth it; '' if there are none.
+    """
+    if result.undecided or result.best is None or result.not_run:
+        return ""
+    most = _robots(result.best)
+    near = []
+    for row in result.table:
+        if row.standing == "unknown" and _robots(row.setting) <= most:
+            near.append(row.setting)
+    if not near:
+        return ""
+    names = _named(near, _only_difference([result.best, *near]))
+    within = f"{100.0 * result.within:g} %"
+    return f"{_listed(names)} may be within {within} of the best mean, too: more runs hardly tell"
+
+
+def _robots(setting: Mapping[str, Any]) -> int:
+    """Return how many robots a setting names."""
+    return sum(setting.get(key) or 0 for key in ROBOTS)
 
 
 def _in_brackets(setting: Mapping[str, Any]) -> str:

@@ -107,6 +107,9 @@ class Row:
     paid: dict[str, float] = field(default_factory=dict)
     #: How many of the replications were done by the deadline; None: there is none.
     in_time: int | None = None
+    #: When a harvest of the mean time ends: 'day 2 at 09:40'. None without a shift, or in the long
+    #: run.
+    ends: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

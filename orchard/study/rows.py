@@ -38,6 +38,9 @@ def row_of(setting: Setting, records: Sequence[RunRecord], confidence: float) ->
         if setting.has_prices:
             costs.append(sum(of_run.values()))
     count = max(1, len(harvested))
+    ends = None
+    if seconds and setting.days is not None:
+        ends = setting.days.words(sum(seconds) / count)
     return Row(
         setting=setting.values,
         model=records[0].model,
@@ -53,6 +56,7 @@ def row_of(setting: Setting, records: Sequence[RunRecord], confidence: float) ->
         standing="jammed",
         lead=None,
         paid=_mean_payments(payments),
+        ends=ends,
     )
 
 

@@ -52,17 +52,18 @@ LEGEND_OF_COLUMNS = (
     "busy: carriers outside the queue. bound: the limit without traffic, and what sets it."
 )
 LEGEND_OF_RATES = "bins/h: as if each row took its mean time, as in the bound."
+LEGEND_OF_ENDS = "ends: a harvest of the mean time, by the shift."
 LEGEND_OF_OPTIMUM = (
     "optimum: the proven shortest harvest without traffic, and by how much this one is longer."
 )
 LEGEND_OF_CHECK = "checked: by the simulator."
 MODELS: dict[Model, str] = {"fast": "fast model", "full": "simulator"}
 # Columns that are left out if they have nothing in any row.
-ONLY_IF_KNOWN = ("harvest, s", "in time", "a bin", "optimum, s", "checked")
+ONLY_IF_KNOWN = ("harvest, s", "ends", "in time", "a bin", "optimum, s", "checked")
 # Columns that are known of a setting of which all runs jammed.
 KNOWN_OF_JAMMED = ("bins/h", "bound", "limit", "checked")
 # Columns in which cells wrap where the terminal is narrow.
-WRAPPED = ("bins/h", "harvest, s", "a bin", "behind, %", "bound", "optimum, s", "checked")
+WRAPPED = ("bins/h", "harvest, s", "ends", "a bin", "behind, %", "bound", "optimum, s", "checked")
 
 
 # -- the cells of a row: words, "" if there is no figure
@@ -71,6 +72,11 @@ WRAPPED = ("bins/h", "harvest, s", "a bin", "behind, %", "bound", "optimum, s", 
 def _harvest(row: Row) -> str:
     """Return the length of the harvest, s."""
     return _interval(row.harvest_seconds)
+
+
+def _ends(row: Row) -> str:
+    """Return on which day a harvest ends, and when; '' if there are no days."""
+    return row.ends or ""
 
 
 def _rate(row: Row) -> str:
@@ -164,6 +170,7 @@ def _checked(row: Row) -> str:
 COLUMNS: dict[str, Callable[[Row], str]] = {
     "bins/h": _rate,
     "harvest, s": _harvest,
+    "ends": _ends,
     "in time": _in_time,
     "a bin": _cost,
     "behind, %": _behind,
@@ -242,6 +249,8 @@ def _legend_sentences(result: StudyResult) -> list[str]:
     sentences.append(LEGEND_OF_COLUMNS)
     if _are_speeds_drawn(result):
         sentences.append(LEGEND_OF_RATES)
+    if any(row.ends for row in result.table):
+        sentences.append(LEGEND_OF_ENDS)
     if any(row.proven_seconds for row in result.table):
         sentences.append(LEGEND_OF_OPTIMUM)
     if any(row.check for row in result.table):

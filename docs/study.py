@@ -102,7 +102,8 @@ All that is set in `prices` adds up, and the answer has a table of it for the be
 - all else by the hour and the day (`overhead_per_hour`, `overhead_per_day`), and `per_bin`.
 
 Hours are working hours: breaks are not paid. What is paid by the day needs a `shift`, and is paid
-for each day that is begun; in the long run all days are whole.
+for each day that is begun; in the long run all days are whole. A picker that is away is not paid
+then. It gets the least of a day on which it is there for more than an hour.
 
 ```yaml
 shift: {{begin: "07:00", end: "16:30", breaks: [["10:00", "10:15"], ["12:00", "12:45"]]}}
@@ -116,7 +117,8 @@ prices:
 
 The least of a day is paid as if all pickers filled as many bins.
 
-The notes tell what the last robot may cost, and one more: "carrier number 3 pays if it costs up to
+The notes tell what the last robot may cost, and one more, by its hours and up to the least of a
+day, beside piece rates: "carrier number 3 pays if it costs up to
 41 ± 2 an hour". With `years` and `hours_per_year` they tell the price at which it is bought, too.
 
 ## Done in time: `--finish-within`, `--finish-by`
@@ -130,7 +132,8 @@ orchard study rent.yaml --vary carriers=1..6 --finish-within 30h
 ```
 
 A fleet is in time if 19 of 20 harvests are, each with rows of its own seed (`--confidence 0.9`: 18
-of 20). The answer says how many were, and what smaller fleets would need. If all of 20 are in time,
+of 20). The answer says how many were, and what smaller fleets would need, and why
+one that is in time on average is not the answer. If all of 20 are in time,
 at least 86 % of all such harvests are, with 95 % confidence.
 
 Fleets are tried in the order of what they cost at least, which is known from their limit without
@@ -177,7 +180,8 @@ A harvest's limit without traffic would be a good control variate where pickers 
 carriers limit (`python examples/run_statistics.py`). A study does not use it: settings that it
 compares have the same seeds, which takes most of that away already.
 
-A setting in which a harvest jams is left out, and named. The [fast
+A setting in which a harvest jams is left out, and named. So is one of which a run fails, as by an
+error in a policy: the exit code is 1. If all settings fail, there is no table. The [fast
 model](bounds.md#the-discrete-event-model) does all runs; it is compiled once for a machine, which
 takes some 40 s. With `--horizon harvest` the simulator
 checks the best two settings; `--model full` lets it do all, and agents of your own need that.
@@ -185,7 +189,9 @@ checks the best two settings; `--model full` lets it do all, and agents of your 
 ## Other questions
 
 `--vary` takes each value but `seed`, and may be given several times: then all combinations are
-settings, at most 10,000. `--vary carriers` without numbers is as many as it takes, with a deadline
+settings, at most 10,000. A value that is a map, as of `prices`, is put into the scenario's: what
+it leaves out stays, and a note names it. `--vary carriers` without numbers is as many as it takes,
+with a deadline
 `--vary pickers` too.
 
 A study looks for the best of what you choose: {choices}.
@@ -262,6 +268,10 @@ fit that tells less than 90 % is said to be poor. One that tells less than 98 % 
 value. `--csv` writes the effects, and `--report` all of it on a page. With a deadline ask what the
 time hangs on: `--horizon harvest --goal harvest_seconds`. Of a farm, ask it of each block.
 
+The page (`orchard app`, button "What does it hang on?") asks by the same command of one harvest,
+and shows the tornado. Other values, a share such as 20 % and a range such as 1,2-1,8 stand under
+"Move other values, or further". A change of an input stops it.
+
 Intervals are by bootstrap of the fit. Of 60 made-up samples (three values, 32 points, known
 shares), the intervals of 95 % held the true share in:
 
@@ -324,6 +334,9 @@ all blocks; without them the blocks must agree, as they must on `carrying` and `
 is an orchard by itself: no picture or recording shows two, and nothing is simulated of the way
 between them. Prices and deadlines are asked of each block.
 
+On the page (`orchard app`, "Several blocks, one fleet"), set the form to the rows of a block, name
+it, and add it; then the next one. The pickers are those of the form when you ask.
+
 ## Ten questions, and what answers them
 
 The page asks by the same command, so it gives the same answer. "Compare, too" stands there under
@@ -342,10 +355,12 @@ The page asks by the same command, so it gives the same answer. "Compare, too" s
   `--vary carriers --vary 'picker_rates={{}},{{"picker_01": 0.5}}'`. On the page: "Compare, too":
   Pickers, 7-8; "Who is away" (`picker 2: 0-8 h`) with the horizon "one harvest"; "How fast each is"
   (`picker 1: 50 %`), ask twice.
-- Three hours of rain: `--vary carriers=3 --horizon harvest` and
-  `--vary 'shift={{}},{{"breaks": [["10:00", "13:00"]]}}'`, with a `shift`. Breaks are not paid:
-  they cost something where one more day begins. On the page: "Breaks", one harvest, ask twice.
-- Three blocks a day with one fleet: [a farm](#several-blocks-one-fleet). Not on the page.
+- Three hours of rain on the first day: `picker_absences` of all pickers, from `picker_01: [[3, 6]]`
+  on, with a `shift` and `--horizon harvest`. Pickers then get no wage for the rain, but the least
+  of the day; carriers are paid. Ask twice, with the rain and without. Breaks would come each day.
+  On the page: "Who is away" (`picker 1: 3-6 h; picker 2: 3-6 h`, and so on), ask twice.
+- Three blocks a day with one fleet: [a farm](#several-blocks-one-fleet). On the page: "Several
+  blocks, one fleet".
 - Tractors with trailers of three bins: `load_out: {{metres: 500, speed: 3, trailers: {{count: 2,
   bins: 3}}}}`, and `--vary load_out.trailers.count=1..3`. On the page: "From the bay on", and
   "Compare, too": Trailers at the bay, 1-3.
@@ -355,7 +370,7 @@ The page asks by the same command, so it gives the same answer. "Compare, too" s
   empty_bins: 24}}`, and `--vary load_out.empty_bins=12,24`. On the page: "From the bay on", and
   "Compare, too": Empty bins at the bay, 12 and 24.
 - How sure is the answer: the `±` of each figure, on the page, too. What it hangs on:
-  `--sensitivity`, not on the page.
+  `--sensitivity`. On the page: "What does it hang on?".
 - One more picker from noon, or one ill for a day: [`picker_absences`](#who-comes-late-or-is-ill),
   `--horizon harvest`. What that costs: the same with a `shift`, `prices` and
   `--goal cost_per_bin`. On the page: "Who is away", one harvest; with prices it looks for the least
@@ -363,8 +378,9 @@ The page asks by the same command, so it gives the same answer. "Compare, too" s
 - Done in two days of 9 h with two breaks: a `shift`, and
   `--vary pickers --vary carriers --finish-by 2d`. On the page: "The day", "Done within" 2 days.
 - A piece rate or wages: both lines of
-  `--vary 'prices={{"picker_per_hour": 30}},{{"picker_per_bin": 20}}'` show what a bin costs. On the
-  page: "Price of a picker" or "Piece rate of a bin", ask twice.
+  `--vary 'prices={{"picker_per_hour": 30}},{{"picker_per_bin": 20}}'` show what a bin costs. Other
+  prices of the file stay, and a note names them; `null` takes one out. On the page: "Price of a
+  picker" or "Piece rate of a bin", ask twice.
 - Rows 4.5 m apart that are drawn as GeoJSON: `orchard layout import rows.geojson --out mine.yaml`
   ([how](how-to.md#harvest-the-rows-of-a-real-orchard)), then `orchard study mine.yaml`. On the
   page: "Open" this file. Rows that are alike need none: "Spacing of rows" 4.5.

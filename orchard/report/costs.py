@@ -6,8 +6,8 @@ the long run all days are whole.
 
 A picker earns by the hour and by the bin. If that is less than `picker_least_per_day`, the
 difference is paid too. All pickers are taken to fill bins at the same rate while they are there. A
-picker that is away (`picker_absences`) earns nothing then, and of a day's least it gets its share
-of the day.
+picker that is away (`picker_absences`) earns nothing then. It gets the least of a day on which it
+is there for more than an hour.
 """
 
 from collections.abc import Sequence
@@ -35,6 +35,10 @@ OF_ROBOTS = {
     "pickers": ("picker_hours", "picker_least", "picker_bought"),
     "carriers": ("carrier_hours", "carrier_days", "carrier_bought"),
 }
+# s. Who is there for no longer on a day on which it is away does not get the least of this day.
+# Chosen: the hours of an absence are those of a harvest, of which a day does a little less than its
+# hours, so who is ill on the third day may come for some minutes of it.
+LEAST_ATTENDANCE = 3600.0
 
 
 def payments_of_long_run(
@@ -75,8 +79,8 @@ class _Attendance:
     hours: float
     #: For how much of the harvest's time it is there, s.
     seconds: float
-    #: For which share of the day it is there, 0 to 1.
-    share: float = 1.0
+    #: Whether it gets the least of a day.
+    has_least: bool = True
 
 
 def _attendances(scenario: Scenario, days: Sequence[Day]) -> list[_Attendance]:
@@ -90,8 +94,10 @@ def _attendances(scenario: Scenario, days: Sequence[Day]) -> list[_Attendance]:
         for _ in range(day.count):
             for intervals in absences.values():
                 away = _seconds_away(intervals, begin, begin + day.seconds)
-                share = 1.0 - away / day.seconds
-                attendances.append(_Attendance(1, share * day.hours, share * day.seconds, share))
+                seconds = day.seconds - away
+                hours = day.hours * seconds / day.seconds
+                has_least = away == 0.0 or seconds > LEAST_ATTENDANCE
+                attendances.append(_Attendance(1, hours, seconds, has_least))
             begin += day.seconds
     return attendances
 
@@ -146,6 +152,6 @@ def _up_to_least(prices: Prices, attendances: Sequence[_Attendance], bins: float
     for there in attendances:
         earned = there.hours * (prices.picker_per_hour or 0.0)
         earned += there.seconds * piece_rate_of_second
-        least = there.share * prices.picker_least_per_day
-        up_to_least += there.count * max(0.0, least - earned)
+        if there.has_least:
+            up_to_least += there.count * max(0.0, prices.picker_least_per_day - earned)
     return up_to_least

@@ -94,29 +94,41 @@ def test_a_picker_that_is_away_is_not_paid() -> None:
     """24 bins at 2 an hour take 12 h: 8 h and 4 h. One of 4 pickers comes after 4 h, and is ill on
     the second day. So 3 * 12 + 4 h are paid, 10 each.
 
-    Of the least of 100 for a day the others get 20 and 60 more, and it 10 more for half a day.
+    Of the least of 100 for a day the others get 20 and 60 more. It gets 60 more on the first day,
+    and nothing on the second one, on which it does not come.
     """
     prices = {"picker_per_hour": 10.0, "picker_least_per_day": 100.0}
     scenario = four_pickers(**prices)
     ill = scenario.model_copy(update={"picker_absences": {"picker_02": [[0.0, 4.0], [8.0, 16.0]]}})
     paid = payments_of_harvest(ill, 24, 2.0, EIGHT_HOURS)
     assert paid["picker_hours"] == pytest.approx(10.0 * 40 / 24)
-    assert paid["picker_least"] == pytest.approx((3 * (20.0 + 60.0) + 10.0) / 24)
+    assert paid["picker_least"] == pytest.approx((3 * (20.0 + 60.0) + 60.0) / 24)
+
+
+def test_who_comes_for_minutes_of_a_day_does_not_get_its_least() -> None:
+    """A day of 8 h does 7 h of a harvest. Who is ill from hour 8 on is there for the first one of
+    the second day, because absences count the hours of the harvest.
+    """
+    days = WorkDays(WorkShift(begin="08:00", end="16:00"), homing_seconds=3600.0)
+    scenario = four_pickers(picker_least_per_day=100.0)
+    ill = scenario.model_copy(update={"picker_absences": {"picker_02": [[8.0, 16.0]]}})
+    # 28 bins at 2 an hour take 14 h: two days, and one picker gets the least of the first one.
+    paid = payments_of_harvest(ill, 28, 2.0, days)
+    assert paid["picker_least"] == pytest.approx((3 * 200.0 + 100.0) / 28)
 
 
 def test_a_piece_rate_falls_to_those_that_are_there() -> None:
     """24 bins at 3 an hour take 8 h. One of 4 pickers is away for half of the day, so
     3.5 days fill 24 bins: 48 / 7 each, and it half of that.
 
-    At 14 a bin they earn 96 and 48. At least 110 a day are paid: 14 more, and 7 more for half a
-    day.
+    At 14 a bin they earn 96 and 48. At least 110 a day are paid: 14 and 62 more.
     """
     prices = {"picker_per_bin": 14.0, "picker_least_per_day": 110.0}
     scenario = four_pickers(**prices)
     late = scenario.model_copy(update={"picker_absences": {"picker_02": [[0.0, 4.0]]}})
     paid = payments_of_harvest(late, 24, 3.0, EIGHT_HOURS)
     assert paid["picker_bins"] == pytest.approx(14.0)
-    assert paid["picker_least"] == pytest.approx((3 * 14.0 + 7.0) / 24)
+    assert paid["picker_least"] == pytest.approx((3 * 14.0 + 62.0) / 24)
 
 
 MISTAKES = [

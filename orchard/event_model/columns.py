@@ -32,13 +32,13 @@ ROBOT = np.dtype(
         ("roads", np.int64),
         # Tick since which it stands.
         ("stood", np.int64),
-        # -- bins: that on its bar. Of a picker: the empty one that it was brought, the carrier that
-        # has brought it, and the full one that it has left. Of a carrier: the empty bin that it
-        # left.
+        # -- bins: that on its bar. Of a picker: the empty one that it was brought, and the carrier
+        # that has brought it. The bin that it has left: a picker its full one, a carrier the empty
+        # one that it brought.
         ("bin", np.int64),
         ("offered", np.int64),
         ("bringer", np.int64),
-        ("full_bin", np.int64),
+        ("left_bin", np.int64),
         # Tick at which a picker's bin was full, until it has an empty one.
         ("full_since", np.int64),
         # Of a carrier: tick of its last question whether the picker has taken the empty bin; in the
@@ -168,7 +168,7 @@ INDICES = (
     "next_op",
     "offered",
     "bringer",
-    "full_bin",
+    "left_bin",
     "full_since",
     "queue_line",
     "customer",
@@ -190,7 +190,8 @@ INDICES = (
 
 BIN = np.dtype(
     [
-        # Whether it is left in its lane, full.
+        # Whether it was left in its lane, full. That stays so, also when a carrier has taken it,
+        # until a picker begins to fill it.
         ("is_left", np.bool_),
         # Tick at which it was.
         ("left_at", np.int64),

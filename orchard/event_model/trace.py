@@ -7,7 +7,7 @@ from orchard.event_model import codes as c
 from orchard.event_model.harvest import EventHarvest
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
-from orchard.plans.steps import Say
+from orchard.plans.steps import Say, Unload
 
 # m between a line and the row or queue that it belongs to.
 NEAR = 1e-3
@@ -60,6 +60,8 @@ def _words(harvest: EventHarvest, number: int) -> str:
     op = harvest.model.ops[number]
     step = harvest.program.steps[number]
     words = WORDS[int(op.kind)]
+    if op.kind == c.PAUSE and isinstance(step, Unload):
+        return "finds that its bin is empty"
     if op.kind in (c.BEGIN_ROW, c.END_ROW, c.LEAVE_BIN):
         row = harvest.model.passes[op.arg].row + 1
         doing = f": {step.doing}" if isinstance(step, Say) else ""

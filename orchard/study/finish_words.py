@@ -115,9 +115,7 @@ def _time_words(seconds: Interval) -> str:
     return hours_words(seconds.mean, seconds.high - seconds.mean)
 
 
-def _smaller_words(
-    result: StudyResult, smaller: Sequence[SmallerFleet], trial: Trial
-) -> list[str]:
+def _smaller_words(result: StudyResult, smaller: Sequence[SmallerFleet], trial: Trial) -> list[str]:
     """Return what fleets with fewer robots of one kind need, and why one that is in time in its few
     runs is not the answer: it is late with other seeds, or costs more.
     """

@@ -101,7 +101,7 @@ class CallsOfBins:
 
     def _call_of_left_bin(self, picker: Doing) -> None:
         """Set the call of a full bin that stands in its lane."""
-        number = picker.more["full_bin"]
+        number = picker.more["left_bin"]
         left = self._last_op(picker, c.LEAVE_BIN)
         if number == c.NONE or left is None:
             return

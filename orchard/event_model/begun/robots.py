@@ -85,7 +85,7 @@ class Robots:
         unplanned = len(self.program.begins[first]) - 1 - memory.planned
         me = self._doing(name, first, max(0, unplanned))
         me.more["offered"] = self.bins.get(memory.offered, c.NONE)
-        me.more["full_bin"] = self.bins.get(memory.full_bin, c.NONE)
+        me.more["left_bin"] = self.bins.get(memory.full_bin, c.NONE)
         if me.bin == c.NONE:
             me.more["full_since"] = memory.since
         return me
@@ -104,7 +104,7 @@ class Robots:
         me.job_first = job_first
         me.more["queue_line"] = self._queue_line(name)
         me.more["is_free"] = memory.job is None
-        me.more["full_bin"] = self.bins.get(memory.delivered, c.NONE)
+        me.more["left_bin"] = self.bins.get(memory.delivered, c.NONE)
         if memory.job is not None:
             me.more["customer"] = self.numbers[memory.job.picker]
             me.more["job_bin"] = self.bins[memory.job.bin]

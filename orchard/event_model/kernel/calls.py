@@ -94,7 +94,7 @@ def call_carriers(m, picker, end):
     if is_early(m):
         report_again(m, picker, tick)
         return
-    begin_call(m, picker, me.full_bin, end)
+    begin_call(m, picker, me.left_bin, end)
     call.since = tick
     call.reports_from = tick
     call.full = tick

@@ -112,11 +112,11 @@ def leave_bin(m, picker):
     drive = m.passes[m.ops[me.op].arg]
     if not drive.is_full:
         me.full_since = tick_of(m)
-    me.full_bin = me.bin
+    me.left_bin = me.bin
     me.bin = c.NONE
     me.offered = c.NONE
-    m.bins[me.full_bin].is_left = True
-    m.bins[me.full_bin].left_at = tick_of(m)
+    m.bins[me.left_bin].is_left = True
+    m.bins[me.left_bin].left_at = tick_of(m)
     call_carriers(m, picker, drive.end)
     return True
 
@@ -135,7 +135,7 @@ def await_bin(m, picker):
 def hear_of_bin(m, picker):
     """Let a picker hear that a carrier has brought it a bin."""
     me = m.robots[picker]
-    me.offered = m.robots[me.bringer].full_bin
+    me.offered = m.robots[me.bringer].left_bin
     if me.state == c.WAITING_FOR_BIN:
         m.timers[c.WAKE, picker] = c.QUARTERS * tick_of(m)
 
@@ -178,9 +178,9 @@ def hand_over(m, carrier):
     """Uncouple the empty bin in the lane, and let the picker know."""
     me = m.robots[carrier]
     # The bin before which it stands: the empty one now, and the full one once it is there.
-    me.full_bin = me.bin
+    me.left_bin = me.bin
     me.bin = c.NONE
-    m.bins[me.full_bin].taken = c.NEVER
+    m.bins[me.left_bin].taken = c.NEVER
     m.robots[me.customer].bringer = carrier
     m.timers[c.BROUGHT, me.customer] = m.desk[0].now + MAIL
     return await_taken(m, carrier)
@@ -191,7 +191,7 @@ def await_taken(m, carrier):
     """Ask again and again whether the picker has taken the bin."""
     me = m.robots[carrier]
     me.asked = tick_of(m)
-    if m.bins[me.full_bin].taken > me.asked:
+    if m.bins[me.left_bin].taken > me.asked:
         me.state = c.HANDING_OVER
         set_alarm(m, carrier, PATIENCE)
     else:

@@ -11,8 +11,9 @@ complete at any time, and can be copied.
                         |                        | grant, an order     | stands
     standing            | a gate whose places it | a grant, that robot | drives on
                         | lacks, a bin that is   | drives on, alarm    |
-                        | not left, a robot      | each 20 (asks the   |
-                        | ahead                  | bin), an order      |
+                        | not left, a robot      | each 20 or when an  |
+                        | ahead                  | answer of the bin   |
+                        |                        | comes, an order     |
     swinging its bin    | turn, with a bin       | alarm               | tells the one behind
     swinging off        | turn, beside its line  | alarm               | leaves its line
     lasting             | pause, unload, turn    | alarm               | does the next op
@@ -33,9 +34,13 @@ complete at any time, and can be copied.
     flat                | its battery is flat    | it is full again,   | goes on
                         |                        | in a charging line  |
 
-A carrier's job in ops: `pause` (it asks the bin whether that still wants it), drives and turns to
-the lane, `deliver`, `need` and the loop to the full bin, `take bin`, drives to the bay, `unload`,
-drives to its line, `home`, and a drive to the line's head that the next order ends.
+A carrier's job in ops, as plans/route.py and plans/carrier_ways.py make it: `pause` (it asks the
+bin whether that still wants it), drives and turns to the lane, before whose place it waits until
+the picker has left its bin; `deliver`, at the end of which it has handed the empty bin over; `need`
+and the loop to the full bin, on whose first drive it gives the lane's place back; `take bin`,
+drives to the bay, `unload` and `pause` (until it knows), perhaps `haul` and `may charge`; drives to
+its line, `home`, and a drive to the line's head that the next order ends. From `may charge` another
+plan may go on: drives to a charging line, `charge`, `charged` and `home`.
 
 Events of one time happen by their kind, and of one kind by the robots' names; but of robots that
 wake on one line the last one acts first. `codes` lists the

@@ -1,6 +1,6 @@
 """A plan while it is translated: what is known at a step, and what steps say of themselves.
 
-`orchard.event_model.program` uses it. "Columns" are those of `program_columns.OP`.
+`orchard.event_model.translator` uses it. "Columns" are those of `program_columns.OP`.
 """
 
 from collections.abc import Sequence

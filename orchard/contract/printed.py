@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
 from threading import Event, Thread
 
-from orchard.contract.guard import place_in_agent
+from orchard.contract.guard import place_in_own_code
 from orchard.field.problems import LONGEST, printable
 
 # Lines of one stream that are shown; what comes after them is left out.
@@ -40,7 +40,7 @@ class Printed(io.TextIOBase):
         *lines, begun = (self._begun + text).split("\n")
         self._begun = begun[:LONGEST]
         # Frame 1 is the caller: the user's code, or what it prints with.
-        place = place_in_agent(sys._getframe(1))
+        place = place_in_own_code(sys._getframe(1))
         for line in lines[: self._lines_left]:
             self._lines_left -= 1
             self._show(f"printed{place}: {printable(line)}")

@@ -5,6 +5,7 @@ Runs end in any order, and those of a worker that dies are done again. So a stud
 which runs ended first: it waits until all runs that it has asked for are done.
 """
 
+import logging
 import os
 import sys
 import time
@@ -34,6 +35,8 @@ from orchard.terminal.long_calls import tell_long_calls
 GLANCE = 0.2  # s between two looks whether to stop
 # So many workers may die with the same work. Then the work itself seems to kill them.
 MOST_DEATHS = 3
+# Different errors of own classes that a worker shows.
+MOST_ERRORS = 3
 CONNECTING = 10.0  # s to wait for a scheduler
 # Runs that wait in the executor beyond one for each worker, so that a free worker has work at once.
 ONE_AHEAD = 1
@@ -218,10 +221,27 @@ def _end_with_parent(alive: Connection, safe_path: str | None) -> None:
     """
     _set_safe_path(safe_path)
     show = partial(print, file=sys.stderr, flush=True)
+    logging.getLogger("orchard").addHandler(_FirstErrors(show))
     sys.stdout = sys.stderr = Printed(show)
     tell_long_calls(show)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     Thread(target=_exit_after, args=(alive,), daemon=True).start()
+
+
+class _FirstErrors(logging.Handler):
+    """Shows the first errors that runs log, as of a policy. A study tells how many there were."""
+
+    def __init__(self, show: Callable[[str], None]) -> None:
+        super().__init__(logging.WARNING)
+        self._show = show
+        self._shown = set[str]()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Show an error, once, unless there were MOST_ERRORS others."""
+        words = self.format(record)
+        if words not in self._shown and len(self._shown) < MOST_ERRORS:
+            self._shown.add(words)
+            self._show(words)
 
 
 def _exit_after(alive: Connection) -> None:

@@ -21,13 +21,13 @@ import pytest
 from command_line import ROOT, orchard
 from machines import machines, needs_machines, within
 from patience import PATIENCE
-from work import blocked_signals, deadly, deadly_at_three, double, faulty, loud, slow
+from work import blocked_signals, complaining, deadly, deadly_at_three, double, faulty, loud, slow
 
 from orchard.contract.printed import MOST_LINES
 from orchard.field.scenario import Scenario
 from orchard.study.options import StudyOptions
 from orchard.study.study import study
-from orchard.study.workers import WorkerDied, WorkersError, processes, scheduled
+from orchard.study.workers import MOST_ERRORS, WorkerDied, WorkersError, processes, scheduled
 
 HERE = Path(__file__).parent
 # A file that exists: `double` kills its worker at the number 3, unless the file that it is given
@@ -96,6 +96,14 @@ def test_of_what_own_classes_print_some_harmless_lines_are_shown(capfd):
     assert out == ""
     assert said.count("printed: ?[2Jown") == MOST_LINES
     assert "\x1b" not in said
+
+
+def test_the_first_errors_of_own_classes_are_shown_once(capfd):
+    """They name their own place, so none is added."""
+    with processes(1) as workers:
+        list(workers.do(complaining, ["policy mine.A"], always))
+    said = capfd.readouterr().err
+    assert said.splitlines() == [f"policy mine.A, tick {number}" for number in range(MOST_ERRORS)]
 
 
 def is_gone(pid: int) -> bool:

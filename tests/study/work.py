@@ -1,5 +1,6 @@
 """Work for the workers of the tests, in a module that each of them can import."""
 
+import logging
 import os
 import signal
 from pathlib import Path
@@ -39,6 +40,12 @@ def loud(item: str) -> None:
     """Print much, in a way that a redirected stdout notices and in one that it does not."""
     print(f"{item}\n" * 1000)
     os.write(1, item.encode())
+
+
+def complaining(item: str) -> None:
+    """Log an error twice, as two runs do with the same policy, and then many others."""
+    for number in (0, *range(100)):
+        logging.getLogger("orchard").error("%s, tick %d", item, number)
 
 
 def slow(item: Path) -> None:

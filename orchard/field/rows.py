@@ -201,13 +201,22 @@ def _checked(result: Mapping[str, Any], scenario: Scenario) -> dict[str, Block]:
 def _block_of(given_rows: Any) -> Block:
     """Return a block, or plain rows, as a block of whole numbers.
 
-    Users may give other numbers that stand for whole ones, as those of numpy.
+    Users may give other numbers that stand for whole ones, as those of numpy. Raises ValueError for
+    what is no whole number.
     """
     if isinstance(given_rows, Block):
         block = given_rows
     else:
         block = Block(given_rows)
-    return Block(tuple(int(row) for row in block.rows), block.start)
+    return Block(tuple(map(_whole, block.rows)), block.start)
+
+
+def _whole(row: Any) -> int:
+    """Return the number of a row. Raises ValueError if it is not whole, as 2.5 or "2"."""
+    number = int(row)
+    if number != row:
+        raise ValueError(f"it returned the row {row!r}; rows are whole numbers from 1")
+    return number
 
 
 def _are_neighbours(rows: tuple[int, ...]) -> bool:

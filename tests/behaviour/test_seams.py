@@ -231,6 +231,14 @@ def one_row_each(scenario):
     return {"picker_01": (1,), "picker_02": (2,)}
 
 
+def between_rows(scenario):
+    return {"picker_01": (1.4, 2), "picker_02": (3, 4)}
+
+
+def rows_as_texts(scenario):
+    return {"picker_01": "12", "picker_02": "34"}
+
+
 # What a scenario names, and words of the error.
 UNUSABLE = [
     ({"dispatch": "nowhere.Mine"}, "dispatch = nowhere.Mine: cannot be used: ModuleNotFoundError"),
@@ -261,6 +269,8 @@ UNUSABLE = [
         "starts at the end 'west' or 'east', and not picker_02 at 'north'",
     ),
     ({"rows_to_pickers": "test_seams.one_row_each"}, "each row of 1 to 4 must go to one picker"),
+    ({"rows_to_pickers": "test_seams.between_rows"}, r"the row 1\.4; rows are whole numbers"),
+    ({"rows_to_pickers": "test_seams.rows_as_texts"}, "the row '1'; rows are whole numbers"),
     ({"rows_to_pickers": "test_seams.nothing"}, "no attribute 'nothing'"),
     ({"order_in_row": "test_seams.nothing", "metres_per_bin": 10.0}, "no attribute 'nothing'"),
     (

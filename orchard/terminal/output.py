@@ -8,7 +8,7 @@ import errno
 import logging
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
@@ -19,6 +19,7 @@ from rich.table import Table
 
 from orchard.contract.printed import diverted, printed
 from orchard.terminal.long_calls import long_calls_told
+from orchard.terminal.sudden_ends import sudden_ends_told
 
 
 def harmless(text: str) -> str:
@@ -183,7 +184,7 @@ def own_classes_run() -> Iterator[None]:
     """In this context, a user's own classes may run.
 
     What they print is shown as lines of the program; not all of it, if they print much. A call of
-    them that lasts long is told.
+    them that lasts long, or that ends the program, is told.
     """
     log = logging.getLogger("orchard")
     handler = _Log()
@@ -193,8 +194,11 @@ def own_classes_run() -> Iterator[None]:
         # Stdout and stderr are replaced, for Python's `print` and for C code. The program's own
         # words go to the streams that `diverted` yields, which lead where stdout and stderr led
         # before.
-        streams = diverted(_say)
-        with streams as (console.file, errors.file), printed(_say), long_calls_told(_say):
+        with ExitStack() as stack:
+            console.file, errors.file = stack.enter_context(diverted(_say))
+            stack.enter_context(printed(_say))
+            stack.enter_context(long_calls_told(_say))
+            stack.enter_context(sudden_ends_told(_say, errors.file))
             yield
     finally:
         log.removeHandler(handler)

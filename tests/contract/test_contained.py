@@ -7,6 +7,7 @@ import decimal
 import importlib
 import platform
 import re
+import signal
 import sys
 from traceback import walk_stack
 
@@ -203,6 +204,23 @@ def test_a_line_that_a_policy_prints_has_the_policys_place(run):
     with printed(lines.append):
         run(with_changes(SMALL, dispatch="own_policies.Talking"))
     assert re.fullmatch(r"printed, in .*own_policies\.py, line \d+: I decide", lines[0])
+
+
+@pytest.mark.parametrize(
+    ("policy", "code", "told"),
+    [
+        ("Ending", 1, r"your own code ended the program by os\._exit\(0\), in .*, line \d+"),
+        ("Crashing", -signal.SIGABRT, r"(?s)Fatal Python error: Aborted.*, line \d+ in assign"),
+    ],
+)
+def test_a_policy_that_ends_the_program_is_told(policy, code, told, tmp_path):
+    """Local mode has one process. Without a word, and with the code 0, it would look like a good
+    run.
+    """
+    path = scenario_file(tmp_path, with_changes(SMALL, dispatch=f"own_policies.{policy}"))
+    done = python("run.py", path, "--mode", "local", "--record", "none", code=code, PYTHONPATH=PATH)
+    assert re.search(told, done.stderr)
+    assert "own_policies.py" in done.stderr
 
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])

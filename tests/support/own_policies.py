@@ -5,6 +5,8 @@ in a module of their own because each process of a run imports them by this name
 docs/extending.md describes the arguments of `assign`.
 """
 
+import os
+
 from orchard import Assignment, BinReport
 
 
@@ -184,3 +186,17 @@ class Talking(AtOnce):
     def assign(self, now, bins, carriers, memory):
         print("I decide")
         return super().assign(now, bins, carriers, memory)
+
+
+class Ending(AtOnce):
+    """Ends its process at once."""
+
+    def assign(self, now, bins, carriers, memory):
+        os._exit(0)
+
+
+class Crashing(AtOnce):
+    """Lets its process crash."""
+
+    def assign(self, now, bins, carriers, memory):
+        os.abort()

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import BrokenExecutor, Future, wait
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -21,13 +22,21 @@ import pytest
 from command_line import ROOT, orchard
 from machines import machines, needs_machines, within
 from patience import PATIENCE
-from work import blocked_signals, complaining, deadly, deadly_at_three, double, faulty, loud, slow
+from work import blocked_signals, complaining, deadly, double, faulty, loud, slow
 
 from orchard.contract.printed import MOST_LINES
 from orchard.field.scenario import Scenario
+from orchard.study import workers as module
 from orchard.study.options import StudyOptions
 from orchard.study.study import study
-from orchard.study.workers import MOST_ERRORS, WorkerDied, WorkersError, processes, scheduled
+from orchard.study.workers import (
+    MOST_ERRORS,
+    WorkerDied,
+    Workers,
+    WorkersError,
+    processes,
+    scheduled,
+)
 
 HERE = Path(__file__).parent
 # A file that exists: `double` kills its worker at the number 3, unless the file that it is given
@@ -77,10 +86,43 @@ def test_work_that_kills_each_worker_ends_the_study_with_words():
         list(workers.do(deadly, [1], always))
 
 
-def test_work_that_kills_each_worker_is_named():
-    """No other work is taken for it, though it was with the workers when one of them died."""
-    with processes(2) as workers, pytest.raises(WorkerDied) as raised:
-        list(workers.do(deadly_at_three, [1, 2, 3, 4], always))
+class Pool:
+    """Workers of which one dies if the number 3 is with them; then all their work is lost."""
+
+    def __init__(self):
+        self.numbers: dict[Future, int] = {}
+
+    def submit(self, work, number) -> Future:
+        future = Future()
+        self.numbers[future] = number
+        return future
+
+    def shutdown(self): ...
+
+    def wait(self, futures, *rest):
+        """Do the work of these futures, or die."""
+        dies = any(self.numbers[future] == 3 for future in futures)
+        for future in futures:
+            if dies:
+                future.set_exception(BrokenExecutor())
+            else:
+                future.set_result(self.numbers[future])
+        return wait(futures)
+
+
+def test_work_that_kills_each_worker_is_named(monkeypatch):
+    """No other work is taken for it, though it was with the workers each time that one died."""
+    pools = []
+
+    def start() -> Pool:
+        pools.append(Pool())
+        monkeypatch.setattr(module, "wait", pools[-1].wait)
+        return pools[-1]
+
+    done = Workers(start, count=2).do(double, [1, 2, 3], always)
+    assert [next(done), next(done)] == [(1, 1), (2, 2)]
+    with pytest.raises(WorkerDied) as raised:
+        next(done)
     assert raised.value.item == 3
 
 

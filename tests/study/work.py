@@ -24,13 +24,6 @@ def deadly(item: int) -> int:
     return item
 
 
-def deadly_at_three(item: int) -> int:
-    """Return a number. Kill the worker that gets 3, each time."""
-    if item == 3:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return item
-
-
 def faulty(item: int) -> int:
     """Raise an error."""
     raise LookupError(f"no {item}")

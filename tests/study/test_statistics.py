@@ -103,6 +103,76 @@ def test_what_is_told_of_settings_is_true_of_all_together(studies: list) -> None
     ) >= least(STUDIES // 4)
 
 
+def holds(found: Comparison, means: list[float]) -> bool:
+    """Whether all intervals of a comparison hold the true leads of the best mean."""
+    best = means[found.top]
+    for i, mean in enumerate(means):
+        lead = found.interval_shown(i)
+        if lead is not None and not lead.low <= best / mean - 1.0 <= lead.high:
+            return False
+    return True
+
+
+SKEWED_STUDIES = 400
+
+
+def test_intervals_of_skewed_leads_hold_together() -> None:
+    """In 95 % of the studies all intervals hold, though most seeds hardly tell two settings apart.
+
+    On some seeds one setting loses much: 1.5 on average, by a gamma distribution of the shape 0.3,
+    of which the skewness is 3.7. A first look after five replications, or Student's interval as it
+    is, would miss what is rare: of these studies 89 and 87 % would hold.
+    """
+    means = [58.5, 60.0]
+    held = 0
+    for number in range(SKEWED_STUDIES):
+        random = np.random.default_rng(number)
+        best = random.normal(60.0, 1.0, LOOKS[-1])
+        rates = [best - random.gamma(0.3, 1.5 / 0.3, LOOKS[-1]), best]
+        found, _ = compared(lambda i, seed, rates=rates: rates[i][seed], [1, 2], within=0.03)
+        held += holds(found, means)
+    assert held >= least(SKEWED_STUDIES)
+
+
+def test_a_lead_has_the_luck_of_both_means() -> None:
+    """The best mean is three times the other one, and varies little; the other one varies by 20 %.
+
+    So nearly all that is unknown of the lead comes from the mean below the line.
+    """
+    held = 0
+    for number in range(STUDIES):
+        random = np.random.default_rng(number)
+        samples = {0: random.normal(20.0, 4.0, 10), 1: random.normal(60.0, 0.5, 10)}
+        held += holds(compare(samples, {0: 1, 1: 2}, True, 0.95, WITHIN), [20.0, 60.0])
+    assert held >= least(STUDIES)
+
+
+def test_the_best_of_many_alike_is_not_far_ahead() -> None:
+    """Of 50 settings that are all alike, the best mean is lucky, and some other one is not.
+
+    A look has a part of the error. With 50 % confidence each of the looks may miss in 12.5 % of the
+    studies. If only the pairs with the best mean counted, this one would in more than 30 %.
+    """
+    missed = 0
+    for number in range(STUDIES):
+        values = np.random.default_rng(number).normal(60.0, DEVIATION, (50, 20))
+        found = compare(dict(enumerate(values)), dict.fromkeys(range(50), 1), True, 0.5, WITHIN)
+        missed += not holds(found, [60.0] * 50)
+    assert missed <= stats.binom.ppf(0.999, STUDIES, 0.5 / len(LOOKS))
+
+
+def test_seeds_that_agree_by_luck_have_no_interval() -> None:
+    """Twenty seeds without a failure count, but how far a failure would move the lead is unknown.
+
+    Where nothing is random, the lead is certain.
+    """
+    samples = {0: [21.4] * 20, 1: [20.0] * 20}
+    lucky = compare(samples, {0: 2, 1: 1}, True, 0.95, WITHIN)
+    assert (lucky.standing(1), lucky.interval_shown(1)) == ("worse", None)
+    sure = compare(samples, {0: 2, 1: 1}, True, 0.95, WITHIN, without_chance=[0, 1])
+    assert sure.interval_shown(1).low == sure.interval_shown(1).high == pytest.approx(0.07)
+
+
 def test_most_studies_end_with_the_fewest_robots(studies: list) -> None:
     """At least 60 % of the studies decide. In 90 % of these the answer is the setting with the
     fewest robots of those that are equal to the best: setting `fewest` of each kind.

@@ -39,8 +39,8 @@ from scipy import special
 
 from orchard.study.result import Interval, Standing
 
-# Replications of each setting, after which a study asks whether it can answer. After five of them an
-# interval of skewed values would miss the truth up to 18 times as often as it may (docs/study.md).
+# Replications of each setting, after which a study asks whether it can answer. After five of them
+# an interval of skewed values would miss the truth up to 18 times as often as it may.
 LOOKS = (10, 20, 40, 80)
 # A share. Residuals that differ by less have no spread: that is rounding.
 ROUNDING = 1e-12
@@ -123,7 +123,7 @@ class Comparison:
     top: int
     #: Settings that cannot be the best: even their limit is behind the best mean by `within`.
     limited: Collection[int] = ()
-    #: Settings of which the lead was the same on all seeds by luck, so that its interval is unknown.
+    #: Settings of which the lead was the same on all seeds by luck: its interval is unknown.
     agreeing: Collection[int] = ()
 
     @cached_property
@@ -238,12 +238,12 @@ def compare(
 
     `samples`: setting -> its value with each seed, as many for each setting. `robots`: as of a
     Comparison. `is_max`: whether larger values are better. `without_chance`: settings with which
-    which all seeds give the same value. `limits`: setting -> the best mean that it can have, if known.
+    all seeds give the same value. `limits`: setting -> the best mean that it can have, if known.
     `pairs`: how many pairs of settings all comparisons of a study have together, of which the
     intervals must all hold; None: this is the only comparison.
 
-    Leads that are the same on all seeds have no spread, and so no t interval. Then they count by the
-    sign test: the chance of n equal signs, 2 / 2**n, must be small enough.
+    Leads that are the same on all seeds have no spread, and so no t interval. Then they count by
+    the sign test: the chance of n equal signs, 2 / 2**n, must be small enough.
     """
     # So that larger is better.
     sign = -1.0

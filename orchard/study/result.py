@@ -94,7 +94,8 @@ class Row:
     #: did.
     standing: Standing
     # By how much the best mean is ahead, as a share of the mean of this setting. The intervals of
-    # all rows hold together, with the study's confidence. None: not known.
+    # all rows hold together, with the study's confidence. None: not known, as after one run, and
+    # where all seeds agree by luck.
     lead: Interval | None
     #: The same without an interval, which is known after one run. None: this is the best mean, or
     #: it jammed.

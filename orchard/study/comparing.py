@@ -71,14 +71,14 @@ def _quantile(count: int, error: float) -> float:
 
 
 @dataclass(frozen=True)
-class Spread:
+class LeadSpread:
     """How the residuals of a lead spread, as a share of the setting's own mean."""
 
     deviation: float
     skewness: float
 
     @classmethod
-    def of(cls, residuals: np.ndarray) -> "Spread":
+    def of(cls, residuals: np.ndarray) -> "LeadSpread":
         """Return the spread of residuals, (seeds,). Their mean is 0, and they are not all alike."""
         root_of_mean_square = math.sqrt(float(np.mean(residuals**2)))
         skewness = float(np.mean(residuals**3)) / root_of_mean_square**3
@@ -118,7 +118,7 @@ class Comparison:
     #: could change, but that was the same on so many seeds that it counts, has no width.
     leads: Mapping[int, Interval | None]
     #: Setting -> how its lead spreads. Leads without a width are not here.
-    spreads: Mapping[int, Spread]
+    spreads: Mapping[int, LeadSpread]
     #: The setting with the best mean.
     top: int
     #: Settings that cannot be the best: even their limit is behind the best mean by `within`.
@@ -254,7 +254,7 @@ def compare(
     error = (1.0 - confidence) / len(LOOKS) / max(1, pairs or math.comb(len(samples), 2))
     leads: dict[int, Interval | None] = {}
     ahead: dict[int, float] = {}
-    spreads: dict[int, Spread] = {}
+    spreads: dict[int, LeadSpread] = {}
     agreeing = []
     for i, values in samples.items():
         lead, residuals = _lead(samples[top], values)
@@ -264,7 +264,7 @@ def compare(
         if i == top or {i, top} <= set(without_chance):
             continue
         if np.ptp(residuals) > ROUNDING:
-            spreads[i] = Spread.of(residuals)
+            spreads[i] = LeadSpread.of(residuals)
             half = spreads[i].half(len(values), error)
             leads[i] = Interval(mean=lead, low=lead - half, high=lead + half)
         elif 2.0 ** (1 - len(values)) <= error:

@@ -184,12 +184,12 @@ def test_the_estimate_knows_how_long_runs_took(tmp_path, monkeypatch, slow_runs)
 
 
 def test_the_estimate_counts_the_runs_that_were_done(tmp_path, monkeypatch, slow_runs):
-    """Two settings have five runs each, of 30 s, and more are needed to tell them apart."""
+    """Two settings have ten runs each, of 30 s, and more are needed to tell them apart."""
     monkeypatch.setattr(module, "processes", lambda count: slow_runs(2 * LOOKS[0]))
     options = StudyOptions(
         model="fast", budget_seconds=3600.0, within=1e-4, store=tmp_path / "s.db"
     )
-    told = study(GANG, {"carriers": [5, 6]}, options)
+    told = study(GANG, {"carriers": [6, 7]}, options)
     assert told.undecided
     more_runs = [look - LOOKS[0] for look in LOOKS[1:]]
     assert told.seconds_needed in [pytest.approx(2 * 30.0 * more) for more in more_runs]

@@ -214,17 +214,17 @@ def test_the_long_run_says_that_it_misses_unequal_shares(tmp_path):
 def test_settings_with_and_without_chance_are_compared(tmp_path):
     """A policy of the user's own may draw by the seed, so it needs several runs. The built-in one
     needs one.
+
+    Here all seeds agree, so the two are equal. As another seed might not, no interval is told.
     """
     mixed = study(
         Scenario(rows=3, carriers=1, **QUIET),
         {"dispatch": ["nearest", "own_policies.FarthestOfMine"]},
         replace(AMPLE, store=tmp_path / "s.db"),
     )
-    assert (
-        mixed.table[0].replications == 1
-        and mixed.table[1].replications >= 5
-        and mixed.table[1].lead is not None
-    )
+    assert mixed.table[0].replications == 1
+    assert mixed.table[1].replications >= LOOKS[0]
+    assert (mixed.table[1].lead, mixed.table[1].standing) == (None, "equal")
     assert mixed.best is not None
 
 

@@ -151,7 +151,7 @@ def test_the_best_of_many_alike_is_not_far_ahead() -> None:
     """Of 50 settings that are all alike, the best mean is lucky, and some other one is not.
 
     A look has a part of the error. With 50 % confidence each of the looks may miss in 12.5 % of the
-    studies. If only the pairs with the best mean counted, this one would in more than 30 %.
+    studies. If only the pairs with the best mean counted, this one would in 32 %.
     """
     missed = 0
     for number in range(STUDIES):

@@ -4,12 +4,13 @@ The page that has started a study stops it when an input changes, because the an
 of another question.
 """
 
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from nicegui import ui
 
 from orchard.app.command import STATE_COLOURS, Latest, PageCommand
-from orchard.app.elements import StartAndStop, note
+from orchard.app.elements import StartAndStop, heading, note, table
 from orchard.app.study_view import last_words
 
 # Between two looks at the command.
@@ -45,6 +46,9 @@ class AnswerView:
         self._picture = ui.html("", sanitize=False).classes("study-picture")
         self._picture.props(f"data-view={name}-picture")
         self._table = ui.element("div").classes("summary sides").props(f"data-view={name}-table")
+        # On a phone it is wider than the screen. With a tab stop the keyboard scrolls it, too.
+        self._table.props('tabindex=0 role=region aria-label="Table of the answer"')
+        self._table.set_visibility(False)
 
     # -- what a view of a question gives
 
@@ -98,6 +102,16 @@ class AnswerView:
 
     # -- updates
 
+    def _show_table(
+        self, title: str, heads: Sequence[str], lines: Iterable[Sequence[str]], legend: str
+    ) -> None:
+        """Show the table of an answer. `lines`: the cells of each line."""
+        self._table.set_visibility(True)
+        with self._table:
+            heading(3, title)
+            table(lines, heads)
+            ui.label(legend).classes("path")
+
     def _stop_if_changed(self) -> None:
         """Stop what this page has started, if it asks about something else by now."""
         own = self._own
@@ -146,3 +160,4 @@ class AnswerView:
         self._notes.set_text("")
         self._picture.set_content("")
         self._table.clear()
+        self._table.set_visibility(False)

@@ -11,7 +11,7 @@ from nicegui.events import ValueChangeEventArguments
 from orchard.app.answer_view import INVALID, LOOK_SECONDS, AnswerView
 from orchard.app.desks import Desk
 from orchard.app.draft import title_of
-from orchard.app.elements import button, heading, labelled, table
+from orchard.app.elements import button, labelled, table
 from orchard.app.farm_run import (
     BLOCKS_LABEL,
     NAME_LABEL,
@@ -178,7 +178,4 @@ class FarmView(AnswerView):
         if result is None or not result.table:
             return
         heads, lines = heads_and_lines(result)
-        with self._table:
-            heading(3, "Settings")
-            table(lines, heads)
-            ui.label(legend(result)).classes("path")
+        self._show_table("Settings", heads, lines, legend(result))

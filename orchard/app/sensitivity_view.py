@@ -10,7 +10,7 @@ from nicegui.events import ValueChangeEventArguments
 
 from orchard.app.answer_view import INVALID, LOOK_SECONDS, AnswerView
 from orchard.app.desks import Desk
-from orchard.app.elements import button, heading, labelled, table
+from orchard.app.elements import button, labelled
 from orchard.app.sensitivity_run import (
     FAR_LABEL,
     MOVED_LABEL,
@@ -139,10 +139,7 @@ class SensitivityView(AnswerView):
         self._report.set_visibility(has_effects)
         if result is None or not has_effects:
             return
-        with self._table:
-            heading(3, "What is moved")
-            table(rows_of(result), HEADS)
-            ui.label(legend(result)).classes("path")
+        self._show_table("What is moved", HEADS, rows_of(result), legend(result))
         # The server gives None while it shuts down.
         self._picture.set_content(await run.io_bound(_tornado_of, result) or "")
 

@@ -1,9 +1,9 @@
 """Several blocks, one fleet: entered and asked on the page, in headless Chromium."""
 
+from page_checks import EMPTY, PHONE, as_phone, violations
 from page_server import skip_without_packages
 from patience import PATIENCE
 from selenium.webdriver.common.keys import Keys
-from test_app_workbench import EMPTY, PHONE, as_phone, violations
 
 skip_without_packages()
 

@@ -1,10 +1,9 @@
 """What does it hang on? Asked on the page, in headless Chromium."""
 
 import pytest
+from page_checks import EMPTY, PHONE, as_phone, press, tab_to, violations
 from page_server import skip_without_packages
 from patience import PATIENCE
-from test_app_workbench import EMPTY, PHONE, as_phone, violations
-from test_tasks import press, tab_to
 
 skip_without_packages()
 

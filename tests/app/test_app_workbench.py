@@ -11,6 +11,7 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from threading import Thread
 
 import pytest
+from page_checks import EMPTY, PHONE, as_phone, violations
 from page_server import skip_without_packages
 from patience import PATIENCE
 
@@ -20,8 +21,6 @@ from orchard.server.figures import RunFigures
 
 skip_without_packages()
 
-# Width and height of the screen, pixels.
-PHONE = (390, 844)
 # The length of a run whose summary is shown: 30 s.
 SUMMARY_TICKS = 300
 
@@ -220,20 +219,6 @@ def test_every_browser_has_its_own_draft(browser, server):
     browser.wait_until(lambda: browser.tree_lines() == 10, "the plan of this browser")
 
 
-@contextmanager
-def as_phone(browser):
-    """Within this the page has the screen of a phone."""
-    width, height = PHONE
-    browser.driver.execute_cdp_cmd(
-        "Emulation.setDeviceMetricsOverride",
-        {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": True},
-    )
-    try:
-        yield
-    finally:
-        browser.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
-
-
 def test_on_a_phone_run_is_first_and_nothing_is_too_wide(listed):
     """The button Run is on the first screen, and the page is not wider than the phone."""
     with as_phone(listed):
@@ -244,29 +229,6 @@ def test_on_a_phone_run_is_first_and_nothing_is_too_wide(listed):
         assert (
             listed.driver.execute_script("return document.documentElement.scrollWidth") <= PHONE[0]
         )
-
-
-def violations(browser):
-    """Return a line for each thing that axe finds wrong with the page, once the page is at rest.
-
-    Frames are left out, for Rerun's viewer is in one. The package of axe is imported here, because
-    it may be missing.
-    """
-    from axe_core_python.selenium import Axe
-
-    browser.wait_until(
-        lambda: not browser.driver.execute_script("return document.getAnimations().length"),
-        "the page is at rest",
-    )
-    browser.wait_until(
-        lambda: browser.driver.execute_script("return document.fonts.status") == "loaded",
-        "icons are icons, not their names",
-    )
-    results = Axe().run(browser.driver, options={"iframes": 0, "resultTypes": ["violations"]})
-    lines = []
-    for rule in results["violations"]:
-        lines += [f"{rule['id']}: {node['html']}" for node in rule["nodes"]]
-    return lines
 
 
 def test_axe_finds_no_violation(listed):
@@ -322,10 +284,6 @@ def test_dark_stays_after_a_reload(browser):
     browser.wait_until(lambda: is_dark(browser) != was_dark, "still")
     browser.press("dark")
     browser.wait_until(lambda: is_dark(browser) == was_dark, "as before")
-
-
-# An orchard without people and animals.
-EMPTY = {"people.workers": 0, "people.visitors": 0, "animals.dogs": 0, "animals.cats": 0}
 
 
 def wait_for_study(page, state, seconds=PATIENCE):

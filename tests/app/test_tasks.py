@@ -1,15 +1,13 @@
 """Tasks of tests/app/tasks.md, walked in a real browser: by the keyboard alone, and on a phone."""
 
 import pytest
+from page_checks import press, tab_to
 from page_server import skip_without_packages
-from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
 skip_without_packages()
 
 PHONE = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
-# The most presses of Tab from one field to another: the whole page has fewer stops.
-MOST_TABS = 150
 
 
 @pytest.fixture
@@ -17,21 +15,6 @@ def keyboard(browser):
     """Reload the page, so the focus is where a user without a mouse finds it."""
     browser.reload()
     return browser
-
-
-def press(page, *keys):
-    """Press keys, wherever the focus is."""
-    ActionChains(page.driver).send_keys(*keys).perform()
-
-
-def tab_to(page, name):
-    """Press Tab until the focus is on the field or button with this name."""
-    look = "const it = document.activeElement; return it.dataset.field || it.dataset.action"
-    for _ in range(MOST_TABS):
-        press(page, Keys.TAB)
-        if page.driver.execute_script(look) == name:
-            return
-    raise AssertionError(f"{name} is not reached by Tab")
 
 
 def test_rows_are_entered_and_asked_without_a_mouse(keyboard):

@@ -25,7 +25,7 @@ LONGEST_NAME = 40
 
 
 @dataclass(frozen=True)
-class Block:
+class AddedBlock:
     """A block of a farm, as a user has added it."""
 
     name: str
@@ -38,7 +38,7 @@ class FarmSettings:
     wall time.
     """
 
-    blocks: tuple[Block, ...] = ()
+    blocks: tuple[AddedBlock, ...] = ()
     transfer: str = "20"
     budget: str = "300"
 

@@ -17,7 +17,7 @@ from orchard.app.farm_run import (
     NAME_LABEL,
     TOO_FEW,
     TRANSFER_LABEL,
-    Block,
+    AddedBlock,
     FarmRun,
     Farms,
 )
@@ -102,7 +102,7 @@ class FarmView(AnswerView):
         if scenario is None or problem:
             self._trouble.set_text(problem)
             return
-        self._enter(blocks=(*self._settings.blocks, Block(name, scenario)))
+        self._enter(blocks=(*self._settings.blocks, AddedBlock(name, scenario)))
         self._name.set_value("")
         self._show_blocks()
 

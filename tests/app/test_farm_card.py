@@ -4,7 +4,7 @@ import pytest
 
 from orchard.app.command import Files
 from orchard.app.farm_run import (
-    Block,
+    AddedBlock,
     FarmRun,
     FarmSettings,
     farm_command,
@@ -15,8 +15,8 @@ from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.study.farm_file import read_farm
 
-TOP = Block("Top", Scenario(rows=4, picking_rate=1.5))
-LOW = Block("Low", Scenario(rows=6, row_length=90.0, pickers=3))
+TOP = AddedBlock("Top", Scenario(rows=4, picking_rate=1.5))
+LOW = AddedBlock("Low", Scenario(rows=6, row_length=90.0, pickers=3))
 FARM = FarmSettings(blocks=(TOP, LOW), transfer="12,5", budget="90,5")
 
 
@@ -59,6 +59,6 @@ def test_a_block_needs_a_name_of_its_own(name):
 
 def test_blocks_with_unlike_machines_are_no_farm(tmp_path):
     """The message is that of the command, and nothing is started."""
-    fast = Block("Fast", Scenario(rows=4, carrying={"speed": 2.0}))
+    fast = AddedBlock("Fast", Scenario(rows=4, carrying={"speed": 2.0}))
     with pytest.raises(ScenarioError, match="Top and Fast differ in `carrying`"):
         FarmRun(FarmSettings(blocks=(TOP, fast)), 2, Files(tmp_path, "study-1"))

@@ -32,7 +32,7 @@ class AnswerView:
         self._shown: PageCommand | None = None
         with ui.element("div").classes("study-buttons"):
             # A change of a field stops the study, so none is locked.
-            unlocked = ui.element("div")
+            unlocked = ui.element("div").classes("hidden")
             actions = (f"{name}-start", f"{name}-stop")
             self._buttons = StartAndStop(commands, unlocked, question, self._start, actions)
             self._badge = ui.badge().props(f"data-view={name}-state")

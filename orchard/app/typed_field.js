@@ -12,7 +12,12 @@ export default {
   },
   emits: ["typed"],
   data() {
-    return { text: this.written, typings: 0 };
+    return { text: this.written, typings: this.heard };
+  },
+  beforeUnmount() {
+    // The page may draw the field anew, which then goes on from here.
+    const element = mounted_app.elements[this.id.slice(1)];
+    if (element) Object.assign(element.props, { written: this.text, heard: this.typings });
   },
   watch: {
     writings() {

@@ -33,6 +33,12 @@ OP = np.dtype(
         ("handles_at_rest", np.int64),
         # Of a turn: ticks after which the bin on the bar is clear of what is behind.
         ("swings", np.int64),
+        # Of a quarter turn for which others may be in the way: the unit vector to which the robot
+        # faces before it, and after it. Else 0.
+        ("faced_x", np.float64),
+        ("faced_y", np.float64),
+        ("faces_x", np.float64),
+        ("faces_y", np.float64),
         # The list of places that it needs or frees; 0: none.
         ("places", np.int64),
         # Of BEGIN_ROW, END_ROW and LEAVE_BIN: the pass. Of a drive that picks: the row, from 0. Of

@@ -28,6 +28,7 @@ from orchard.event_model.writer import (
     metres_until_picking,
     pace,
     put_by,
+    quarter_turn,
     seen,
     sign_of,
     unloads_from,
@@ -200,7 +201,8 @@ class PlanTranslator:
         _, seconds = step.motion(writer.pose, writer.machine)
         ticks = whole_ticks(seconds)
         if ticks:
-            self._append(step, c.TURN, ticks=ticks, swings=floor(st.Face.swings * ticks))
+            swings = floor(st.Face.swings * ticks)
+            self._append(step, c.TURN, ticks=ticks, swings=swings, **quarter_turn(step, writer))
 
     @_write.register
     def _(self, step: st.Say, writer: Writer) -> None:

@@ -80,7 +80,30 @@ def failing(writer: Writer) -> dict[str, Any]:
     }
 
 
-# -- drives
+# -- turns and drives
+
+# Heading -> its unit vector.
+DIRECTIONS = {
+    "EAST": (1.0, 0.0),
+    "NORTH": (0.0, 1.0),
+    "WEST": (-1.0, 0.0),
+    "SOUTH": (0.0, -1.0),
+}
+
+
+def quarter_turn(step: st.Face | st.Realign, writer: Writer) -> dict[str, float]:
+    """Return the columns of a turn that tell from which heading it leads to which.
+
+    None of a half turn, or where the robot does not look for others.
+    """
+    if isinstance(step, st.Realign) or step.blind_to:
+        return {}
+    before = nearest_heading(writer.pose.yaw)
+    faced_x, faced_y = DIRECTIONS[before]
+    faces_x, faces_y = DIRECTIONS[step.heading]
+    if faced_x * faces_x + faced_y * faces_y:
+        return {}
+    return {"faced_x": faced_x, "faced_y": faced_y, "faces_x": faces_x, "faces_y": faces_y}
 
 
 def sign_of(pose: Pose) -> int:

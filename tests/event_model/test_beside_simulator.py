@@ -67,6 +67,10 @@ CELLS: dict[str, dict[str, Any]] = {
         "dispatch": "rolling",
         "route": "one-way",
     },
+    "carriers that turn once the one beside them has passed": {
+        **{"rows": 3, "carriers": 5, "row_length": 24.0, "picking_speed": 1.0},
+        **{"dispatch": "predictive", "bays": 2},
+    },
     "bins inside rows that report once their pickers move": {
         "rows": 8,
         "pickers": 5,

@@ -148,6 +148,11 @@ class LinesOfRobots:
 
     def _go_on_turning(self, on_line: OnLine, me: Doing) -> None:
         """Set what remains until the bin, or the robot, is out of the way of those behind."""
+        if me.turned == 0:
+            # Something was in its way in the last tick, and it looks again.
+            me.state = c.LOOKING_AROUND
+            me.alarm = self._turns_until(me) - int(self._ops.ticks[me.op])
+            return
         has_bin = me.bin != c.NONE
         is_carrier_towing = has_bin and me.name not in self._blocks
         swings = int(self._ops.swings[me.op])

@@ -56,8 +56,8 @@ def take_in(m, carrier, tick):
     set_alarm(m, carrier, tick - BIN_FOLLOWS + ticks - tick_of(m))
 
 
-# -- a carrier whose bin rests in the bay before the carrier is at its place: it is repaired there, or
-# held up
+# -- a carrier whose bin rests in the bay before the carrier is at its place: it is repaired
+# or held up
 
 
 @inner

@@ -27,7 +27,8 @@ complete at any time, and can be copied.
     taking a place      | after that             | a grant             | does the next op
     taking a bin        | take bin               | alarm               | does the next op
     meeting             | somebody on its way    | alarm               | drives on
-    looking around      | turn, with people      | alarm               | turns
+    looking around      | turn, with people, or  | alarm               | turns
+                        | beside a carrier       |                     |
     repaired            | a drive on which it    | alarm, each 300 s   | drives on to the drive's
                         | fails                  |                     | end, or to a next failure
     waiting for charge  | charged                | its battery is full | is free for the next call

@@ -45,6 +45,19 @@ def x_now(m, robot):
 
 
 @inner
+def y_now(m, robot):
+    """Return a robot's y now, m, also on its way."""
+    me = m.robots[robot]
+    if me.state != c.DRIVING:
+        return me.y
+    line = m.lines[m.ops[me.op].line]
+    if line.axis == 0:
+        return me.y
+    ticks = m.desk[0].now // c.QUARTERS - me.leg_begun
+    return line.sign * after_ticks(me.leg_from, me.leg_goal, me.leg_stride, ticks)
+
+
+@inner
 def is_moving(m, robot):
     """Whether a robot has begun to drive."""
     me = m.robots[robot]

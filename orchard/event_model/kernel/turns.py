@@ -3,8 +3,8 @@
 from orchard.event_model import codes as c
 from orchard.event_model.kernel.batteries import note_rest
 from orchard.event_model.kernel.compiled import inner
-from orchard.event_model.kernel.motion import set_alarm
-from orchard.event_model.kernel.places import tick_of
+from orchard.event_model.kernel.motion import set_alarm, x_now, y_now
+from orchard.event_model.kernel.places import share_roads, tick_of
 from orchard.event_model.kernel.roads import (
     BESIDE,
     NEAR,
@@ -17,9 +17,20 @@ from orchard.event_model.kernel.roads import (
     ticks_of_parts,
 )
 from orchard.event_model.swing import ASIDE, CARRIER
+from orchard.field.kinds import KINDS
+from orchard.plans.sense import TURN_MARGIN, sweep_radius
 
 # m. Only carriers tow at this distance: it tells them from pickers.
 CARRIER_TOWS = CARRIER.tows
+CARRIER_HALF = CARRIER.length / 2
+CARRIER_HALF_WIDTH = CARRIER.width / 2
+# m from the middle of a carrier to the furthest corner of its bin, and the margin of a turn.
+SWEEP = sweep_radius(CARRIER, towing=True) + TURN_MARGIN
+# m by which the corner of another carrier seems further away: the beams of a bin's laser are 6
+# degrees apart.
+UNSEEN = 0.15
+# m from the middle of a carrier to the other side of its bin after a quarter turn.
+BIN_SIDE = KINDS["bin"].width / 2 + TURN_MARGIN - UNSEEN
 
 
 @inner
@@ -54,10 +65,41 @@ def ticks_to_look(m, robot):
 
 
 @inner
+def is_barred(m, robot):
+    """Whether another carrier stands where the bin of a carrier would swing.
+
+    It is a quarter of a circle: from behind the carrier to the side from which it turns away.
+    """
+    op = m.ops[m.robots[robot].op]
+    is_towing = m.robots[robot].tows == CARRIER_TOWS and m.robots[robot].bin != c.NONE
+    if not is_towing or op.faced_x == op.faced_y:
+        return False
+    for other in range(len(m.robots)):
+        if m.robots[other].tows != CARRIER_TOWS or not share_roads(m, robot, other):
+            continue
+        x = x_now(m, other) - m.robots[robot].x
+        y = y_now(m, other) - m.robots[robot].y
+        behind = -(x * op.faced_x + y * op.faced_y)
+        aside = -(x * op.faces_x + y * op.faces_y)
+        nearest_behind = max(0.0, behind - CARRIER_HALF)
+        nearest_aside = max(0.0, aside - CARRIER_HALF_WIDTH)
+        is_beside = behind + CARRIER_HALF > -BIN_SIDE and aside > -CARRIER_HALF_WIDTH
+        if is_beside and nearest_behind**2 + nearest_aside**2 < SWEEP**2:
+            return True
+    return False
+
+
+@inner
 def swing(m, robot):
-    """Turn. A bin on the bar swings clear of the robot behind, or the robot off its line."""
+    """Turn, once no other carrier is in the way. A bin on the bar swings clear of the robot behind,
+    or the robot off its line.
+    """
     me = m.robots[robot]
     op = m.ops[me.op]
+    if is_barred(m, robot):
+        me.state = c.LOOKING_AROUND
+        set_alarm(m, robot, 1)
+        return False
     if me.bin != c.NONE and not me.is_across:
         me.state = c.SWINGING_BIN
         set_alarm(m, robot, op.swings)

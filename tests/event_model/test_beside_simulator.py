@@ -201,6 +201,29 @@ def quick_orchards(seed: int, count: int) -> Iterator[Layout]:
     return laid_out(drawn, count)
 
 
+def failing_orchards(seed: int, count: int) -> Iterator[Layout]:
+    """Yield so many small random orchards in which carriers often fail."""
+    chances = Random(seed)
+
+    def drawn() -> dict[str, Any]:
+        return NOBODY | {
+            "rows": chances.randint(3, 7),
+            "pickers": chances.randint(2, 3),
+            "carriers": chances.randint(2, 5),
+            "row_length": 24.0,
+            "picking_speed": 1.0,
+            "dispatch": chances.choice(["nearest", "longest-waiting", "predictive"]),
+            "route": chances.choice(["one-way", "two-way"]),
+            "seed": chances.randint(1, 9999),
+            "bays": chances.choice([1, 1, 2]),
+            "carrying": {
+                "failure": {"mean_between": 60.0, "mean_repair": chances.choice([60.0, 400.0])}
+            },
+        }
+
+    return laid_out(drawn, count)
+
+
 @pytest.mark.parametrize("name", CELLS)
 def test_each_bin_is_delivered_when_the_simulator_does(name: str) -> None:
     assert_is_near(CELLS[name])
@@ -237,6 +260,17 @@ def test_soak_forty_orchards_deliver_when_the_simulators_do() -> None:
     assert near >= 0.8 * len(apart)
     assert fmean(shares) <= 0.005
     assert max(shares) <= 0.02
+
+
+@pytest.mark.soak
+def test_soak_forty_with_failures_deliver_when_the_simulators_do() -> None:
+    """39 of them were near when this was written, and one 11 ticks off."""
+    near = 0
+    for layout in failing_orchards(77, 40):
+        modelled, delivered = in_both(layout)
+        near += modelled == pytest.approx(delivered, abs=NEAR)
+    print(f"{near} near")
+    assert near >= 36
 
 
 @pytest.mark.soak

@@ -132,9 +132,9 @@ orchard study rent.yaml --vary carriers=1..6 --finish-within 30h
 ```
 
 A fleet is in time if 19 of 20 harvests are, each with rows of its own seed (`--confidence 0.9`: 18
-of 20). The answer says how many were, and what smaller fleets would need, and why
-one that is in time on average is not the answer. If all of 20 are in time,
-at least 86 % of all such harvests are, with 95 % confidence.
+of 20). The answer says how many were, and what smaller fleets would need. It says why one that is
+in time on average is not the answer. If all of 20 are in time, at least 86 % of all such harvests
+are, with 95 % confidence.
 
 Fleets are tried in the order of what they cost at least, which is known from their limit without
 traffic. A fleet of which the limit misses the deadline needs no run. Where rows or pickers differ,
@@ -213,8 +213,7 @@ checks the best two settings; `--model full` lets it do all, and agents of your 
 `--vary` takes each value but `seed`, and may be given several times: then all combinations are
 settings, at most 10,000. A value that is a map, as of `prices`, is put into the scenario's: what
 it leaves out stays, and a note names it. `--vary carriers` without numbers is as many as it takes,
-with a deadline
-`--vary pickers` too.
+with a deadline `--vary pickers` too.
 
 A study looks for the best of what you choose: {choices}.
 All else is given: prices, rates, speeds, the crop, the rows, people. If it varies, the table shows

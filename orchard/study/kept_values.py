@@ -37,24 +37,23 @@ def notes_on_kept_values(varied: Mapping[str, Sequence[Any]], scenario: Scenario
 
 
 def _kept(key: str, values: Sequence[Any], scenario: Scenario) -> dict[str, Any]:
-    """Return what the scenario sets below a key, and some of the values leave out: path -> value."""
-    maps = [value for value in values if isinstance(value, dict)]
-    if not maps:
-        # A key inside a map may be new: picker_rates.picker_01.
+    """Return what the scenario sets below a key and some values leave out: path -> value."""
+    said = []
+    for value in values:
+        empties_map = key in NAMED_BY_USERS and not value
+        if isinstance(value, dict) and not empties_map:
+            said.append(set(_leaves(value)))
+    if not said:
+        # The scenario need not have the key: picker_rates.picker_01.
         return {}
+    said_by_all = set.intersection(*said)
     usual = _leaves(_at(Scenario(), key))
-    is_set = {}
-    for path, value in _leaves(_at(scenario, key)).items():
-        if path not in usual or usual[path] != value:
-            is_set[path] = value
-    kept: dict[str, Any] = {}
-    for value in maps:
-        said = _leaves(value)
-        if not said and key in NAMED_BY_USERS:
-            continue
-        for path in is_set.keys() - said.keys():
-            kept[path] = is_set[path]
-    return dict(sorted(kept.items()))
+    kept = {}
+    for path, value in sorted(_leaves(_at(scenario, key)).items()):
+        is_usual = path in usual and usual[path] == value
+        if not is_usual and path not in said_by_all:
+            kept[path] = value
+    return kept
 
 
 def _at(scenario: Scenario, key: str) -> Any:

@@ -15,8 +15,8 @@ def test_a_slow_picker_of_the_scenario_stays_slow():
         "picker_02": 0.5,
     }
     assert notes_on_kept_values(varied, SLOW) == [
-        "picker_rates: what a value leaves out stays as the scenario has it: picker_01 0.5; {} takes"
-        " all of it out"
+        "picker_rates: what a value leaves out stays as the scenario has it: picker_01 0.5; {}"
+        " takes all of it out"
     ]
 
 

@@ -27,7 +27,7 @@ def test_the_answer_says_when_the_truck_comes() -> None:
     assert "a truck every 300 s, 2 bins on a truck, 2 empty bins at the bay" in words
 
 
-def test_the_answer_says_who_is_slow_or_away_and_when_people_work() -> None:
+def test_the_answer_says_who_is_slow_or_away_and_the_shift() -> None:
     crew = Scenario.model_validate(
         {
             "picker_rates": {"picker_01": 0.5},

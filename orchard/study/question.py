@@ -86,13 +86,17 @@ class Question:
         return tuple(self.varied[key].index(values[key]) for key in keys)
 
     def robots(self, i: int) -> int:
-        """Return the number of robots of a setting, of which few are good.
+        """Return the number of robots of a setting, of trailers, chargers and places that unload,
+        of which few are good.
 
-        It is 0 if the goal is the cost, which has the cost of robots in it.
+        If the goal is the cost, which has the cost of robots in it, it is that of the others, which
+        have no price.
         """
+        scenario = self.settings[i].scenario
+        without_price = scenario.chargers + scenario.bays + (scenario.load_out.trailers.count or 0)
         if self.goal == "cost_per_bin":
-            return 0
-        return self.settings[i].robots
+            return without_price
+        return self.settings[i].robots + without_price
 
     def has_limit(self, i: int) -> bool:
         """Whether no run of a setting can exceed its limit without traffic.

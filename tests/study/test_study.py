@@ -13,6 +13,7 @@ from types import SimpleNamespace
 
 import pytest
 from small_studies import AMPLE, CHANCE, QUIET
+from stage import empty_orchard
 
 from orchard.field.scenario import Scenario, with_changes
 from orchard.report.costs import PAYMENTS
@@ -331,3 +332,23 @@ def test_heavier_bins_at_the_same_rate_are_told():
         (heavier, with_changes(scenario, picking_rate=None, picking_speed=0.005)),
     ):
         assert StudyNotes(runs, "fast", StudyOptions(), varied).heavier_bins(asked) == []
+
+
+@pytest.mark.parametrize("prices", [{}, {"picker_per_hour": 20.0}])
+def test_of_trailers_that_are_as_good_the_fewest_answer(tmp_path, prices):
+    """With one trailer of a bin a harvest takes longer, and less than the half that counts here."""
+    scenario = empty_orchard(
+        rows=4,
+        row_length=40.0,
+        picking_rate=4.0,
+        bins_per_row=1.0,
+        load_out={"seconds_away": 300.0, "trailers": {"count": 1, "bins": 1}},
+        prices=prices,
+    )
+    options = replace(
+        AMPLE, horizon="harvest", model="fast", workers=1, store=tmp_path / "s.db", within=0.5
+    )
+    found = study(scenario, {"load_out.trailers.count": [1, 2, 3]}, options)
+    one, two, _ = [row.harvest_seconds.mean for row in found.table]
+    assert two < one < 1.5 * two
+    assert found.best == {"load_out.trailers.count": 1}

@@ -188,10 +188,9 @@ known (`python examples/interval_coverage.py --seeds 800 600`):
 
 "Before" had a first look after five runs, Student's intervals, the pairs with the best mean alone,
 and an interval where all seeds agreed. What was said of settings held in 99.8 to 100 % of studies,
-and in 99.2 to 100 % before. The best mean is the
-luckiest one: of 200 made-up studies of 50 settings that are all alike, intervals that may miss in
-12.5 % missed in 32 % where they counted the pairs with the best mean alone, and in 1.5 % now
-(`tests/study/test_statistics.py`).
+and in 99.2 to 100 % before. The best mean is the luckiest one: of 200 made-up studies of 50
+settings that are all alike, intervals that may miss in 12.5 % missed in 32 % where they counted the
+pairs with the best mean alone, and in 1.5 % now (`tests/study/test_statistics.py`).
 
 Ten runs may miss what one harvest in ten has. Where robots fail often, the ± of a setting's own
 rate held in 84 %, not in 95 %. Where carriers fail rarely, most settings had no ±, because no run

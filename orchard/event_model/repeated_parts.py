@@ -21,7 +21,7 @@ from orchard.plans.robot import Step
 OF_A_PASS = (c.BEGIN_ROW, c.END_ROW, c.LEAVE_BIN, c.DRIVE)
 
 
-class Beginning(NamedTuple):
+class PartBeginning(NamedTuple):
     """Where a part begins: all on which its ops depend beside its steps.
 
     Neither pass has the number of its bin, because no op depends on that.
@@ -34,7 +34,7 @@ class Beginning(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Part:
+class PlanPart:
     """A part that is translated."""
 
     # As the plan had them. The last one begins the next part, because a drive looks ahead to that.
@@ -67,13 +67,13 @@ class Part:
         return rows
 
 
-def beginning_of(writer: Writer) -> Beginning | None:
+def beginning_of(writer: Writer) -> PartBeginning | None:
     """Return where the part begins that is translated next; None if it belongs to no pass."""
     if not writer.passes:
         return None
     nearest = [drive._replace(bin_number=UNKNOWN) for _, drive in writer.passes[:2]]
     after = nearest[1] if len(nearest) > 1 else None
-    return Beginning(writer.pose, writer.state, nearest[0], after)
+    return PartBeginning(writer.pose, writer.state, nearest[0], after)
 
 
 def end_of_part(writer: Writer) -> int:

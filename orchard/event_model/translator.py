@@ -12,8 +12,8 @@ from orchard.event_model import codes as c
 from orchard.event_model import program_columns
 from orchard.event_model.draws import has_failures
 from orchard.event_model.repeated_parts import (
-    Beginning,
-    Part,
+    PartBeginning,
+    PlanPart,
     beginning_of,
     end_of_part,
     of_pass,
@@ -67,7 +67,7 @@ class PlanTranslator:
         # The first op of a plan -> of each of its steps the op at which it, or what follows it,
         # begins, and last the op that ends the plan.
         self.begins: dict[int, list[int]] = {}
-        self._parts: dict[Beginning | None, Part] = {}
+        self._parts: dict[PartBeginning | None, PlanPart] = {}
         share = 1
         if layout.scenario.route not in ROUTES:
             share = OWN_SHARE
@@ -101,13 +101,13 @@ class PlanTranslator:
         begins.append(len(self.ops))
         self._append(None, c.END)
         for decides, instead, pose in writer.otherwise:
-            other = Writer(list(instead), pose, writer.machine)
-            self.ops.array[decides].arg = self.translate(other)
+            plan = Writer(list(instead), pose, writer.machine)
+            self.ops.array[decides].arg = self.translate(plan)
         return first
 
     def _translate_part(
         self, writer: Writer, steps: list[Step], end: int, begins: list[int]
-    ) -> Part:
+    ) -> PlanPart:
         """Translate the steps of a plan up to the number `end`, and return them as a part.
 
         `steps`: as the part keeps them. `begins`: the list of the plan, which goes on here.
@@ -131,7 +131,7 @@ class PlanTranslator:
             writer.pose, _ = step.motion(writer.pose, writer.machine)
             writer.number += 1
         ops = self.ops.plain[first:].copy()
-        return Part(
+        return PlanPart(
             steps=steps,
             steps_done=steps_done,
             number=number,
@@ -145,7 +145,7 @@ class PlanTranslator:
             state=writer.state,
         )
 
-    def _copy_part(self, part: Part, writer: Writer, begins: list[int]) -> None:
+    def _copy_part(self, part: PlanPart, writer: Writer, begins: list[int]) -> None:
         """Do what `_translate_part` would do, if it has translated the same part before."""
         later = len(self.ops) - part.first
         self.ops.extend(part.with_number(writer.passes[0][0]))

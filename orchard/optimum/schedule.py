@@ -285,8 +285,8 @@ class Schedule:
                     occupied.setdefault(use.place, []).append(
                         self.model.new_fixed_size_interval_var(at, use.ticks, "")
                     )
-                for at, use, later, other in zip(times, uses, times[1:], uses[1:], strict=False):
-                    self.model.add(later >= at + ticks(other.at - use.at))
+                for at, use, later, after in zip(times, uses, times[1:], uses[1:], strict=False):
+                    self.model.add(later >= at + ticks(after.at - use.at))
         for place in occupied.values():
             self.model.add_no_overlap(place)
 

@@ -13,7 +13,7 @@ from orchard.event_model import start
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.program import SIDES, Program
 from orchard.event_model.program_columns import OP
-from orchard.event_model.repeated_parts import Part
+from orchard.event_model.repeated_parts import PlanPart
 from orchard.field.layout import Layout, lay_out
 from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP, Scenario
@@ -73,7 +73,7 @@ def test_a_part_that_comes_again_is_copied_rightly(
     """A plan in which rows are picked again and again has the ops of its steps one by one."""
     again = picked_again(layout, 7)
     copied = Program(again)
-    monkeypatch.setattr(Part, "is_of_pass", False)
+    monkeypatch.setattr(PlanPart, "is_of_pass", False)
     assert ops_of(copied) == ops_of(Program(again))
 
 

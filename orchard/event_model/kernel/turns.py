@@ -74,11 +74,11 @@ def is_barred(m, robot):
     is_towing = m.robots[robot].tows == CARRIER_TOWS and m.robots[robot].bin != c.NONE
     if not is_towing or op.faced_x == op.faced_y:
         return False
-    for other in range(len(m.robots)):
-        if m.robots[other].tows != CARRIER_TOWS or not share_roads(m, robot, other):
+    for neighbour in range(len(m.robots)):
+        if m.robots[neighbour].tows != CARRIER_TOWS or not share_roads(m, robot, neighbour):
             continue
-        x = x_now(m, other) - m.robots[robot].x
-        y = y_now(m, other) - m.robots[robot].y
+        x = x_now(m, neighbour) - m.robots[robot].x
+        y = y_now(m, neighbour) - m.robots[robot].y
         behind = -(x * op.faced_x + y * op.faced_y)
         aside = -(x * op.faces_x + y * op.faces_y)
         nearest_behind = max(0.0, behind - CARRIER_HALF)

@@ -4,7 +4,7 @@ Where the event model can do them all, it answers first: a future takes it milli
 simulator takes seconds. What it expected then stands beside what the simulator gives.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from orchard.futures.moments import Future, snapshot_at
 from orchard.futures.options import ForkOptions
 from orchard.sim.snapshot import Snapshot
 from orchard.study.comparing import interval
+from orchard.study.runs import faults_of
 from orchard.study.words import interval_words
 from orchard.terminal.output import console, print_error, print_line, table
 from orchard.terminal.values import clock
@@ -48,6 +49,8 @@ def compare_futures(chosen: ForkOptions, folder: Path, futures: Futures) -> dict
         before = of_branch[AS_IT_WAS]
         print_line(difference_words(changed.words, before, of_branch[changed.words]))
     _show(of_branch, expected)
+    for note in fault_notes(of_branch):
+        print_error(note)
     return {
         "at_seconds": moment.tick / TICKS_PER_SECOND,
         "futures": of_branch,
@@ -64,6 +67,21 @@ def _expected(chosen: ForkOptions, begun: Sequence[Snapshot], futures: Futures) 
         return []
     known = [future for future in futures.forecast(begun) if future is not None]
     return known if len(known) == len(begun) else []
+
+
+def fault_notes(of_branch: Mapping[str, Sequence[Future]]) -> list[str]:
+    """Return the first fault of each branch in which a class of the user's own failed.
+
+    The figures of such futures are not those of the class as it was meant. `of_branch`: what is
+    changed -> its futures.
+    """
+    notes = []
+    for words, futures in of_branch.items():
+        with_faults = [faults for faults in map(faults_of, futures) if faults]
+        if with_faults:
+            count = f"{len(with_faults)} of {len(futures)} futures had faults"
+            notes.append(f"{words}: {count}: {with_faults[0][0]}")
+    return notes
 
 
 def _by_branch(names: Sequence[str], futures: Sequence[Future]) -> dict[str, list[Future]]:

@@ -352,7 +352,7 @@ def _full(scenario: Scenario, until: float) -> RunResult | None:
         bottleneck=summary["bottleneck"],
         ended=_end_of(engine, violations),
         violations="\n".join(violations),
-        faults="\n".join(_faults(summary)),
+        faults="\n".join(faults_of(summary)),
     )
 
 
@@ -365,8 +365,8 @@ def _end_of(engine: Engine, violations: Sequence[str]) -> Ended:
     return "jammed"
 
 
-def _faults(summary: dict[str, Any]) -> list[str]:
-    """Return what has gone wrong in a run, a line each."""
+def faults_of(summary: dict[str, Any]) -> list[str]:
+    """Return what classes of the user's own did wrong in a run, a line each."""
     faults = [f"{agent} was broken" for agent in summary["broken_agents"]]
     if summary["orders_refused"]:
         faults.insert(0, f"refused decisions of the dispatch policy: {summary['orders_refused']}")

@@ -11,6 +11,7 @@ from quiet import NOBODY
 from orchard.field.scenario import Scenario
 from orchard.fork.forked import forked
 from orchard.futures.bisection import NEAR, Bisection, badly, confirmed_search, expected_search
+from orchard.futures.comparison import fault_notes
 from orchard.futures.forecasts import forecast
 from orchard.futures.moments import live
 from orchard.local import Local
@@ -62,6 +63,16 @@ def test_part_full_bins_count_in_a_forecast_as_in_a_run():
     expected = forecast((0, first_moment))
     assert expected is not None
     assert expected["bins_per_hour"] == pytest.approx(lived["bins_per_hour"], rel=0.005)
+
+
+def test_futures_tell_of_a_policy_that_failed_in_them():
+    """Without that, a future in which another policy decided would be taken for one of the own."""
+    well = {"orders_refused": 0, "broken_agents": []}
+    badly_decided = {"orders_refused": 3, "broken_agents": ["dispatch, since tick 3003"]}
+    notes = fault_notes({"as it was": [well, well], "carriers=3": [well, badly_decided]})
+    assert notes == [
+        "carriers=3: 1 of 2 futures had faults: refused decisions of the dispatch policy: 3"
+    ]
 
 
 def test_of_robots_that_were_stopped_there_is_no_forecast():

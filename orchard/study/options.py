@@ -26,7 +26,7 @@ class StudyOptions:
     # The address of a scheduler of dask.distributed, which gets the runs instead.
     scheduler: str | None = None
     # None: studies.db in the folder of runs.
-    store: Path | None = None
+    store: str | Path | None = None
     # Whether the runs in a store of another version of this software are deleted.
     anew: bool = False
 
@@ -45,4 +45,6 @@ class StudyOptions:
     @property
     def store_file(self) -> Path:
         """The database in which the runs are kept."""
-        return self.store or runs_folder() / STORE
+        if self.store is None:
+            return runs_folder() / STORE
+        return Path(self.store)

@@ -35,6 +35,10 @@ def path(tmp_path, record):
     return made.path
 
 
+def test_a_store_may_be_named_by_a_text(path):
+    assert StudyOptions(store=str(path)).store_file == path
+
+
 def execute(path, statement):
     with closing(sqlite3.connect(path)) as database, database:
         database.execute(statement)

@@ -173,7 +173,7 @@ def least_headway(carrier: Machine) -> float:
 
 
 @dataclass(frozen=True)
-class _Filling:
+class Filling:
     """What a picker does with one bin: from when it goes on with it empty, until it wants the next.
 
     Times count from the start of the harvest, without any wait for carriers.
@@ -199,12 +199,12 @@ def jobs_of(layout: Layout) -> list[TimedJob]:
     route = route_of(layout)
     jobs = []
     for picker, block in layout.blocks.items():
-        for filling in _fillings(route, picker, block):
+        for filling in fillings(route, picker, block):
             jobs.append(_job(route, filling))
     return jobs
 
 
-def _fillings(route: OneWay, picker: str, block: Block) -> Iterator[_Filling]:
+def fillings(route: OneWay, picker: str, block: Block) -> Iterator[Filling]:
     """Yield what a picker does with each of its bins, on free roads."""
     layout = route.layout
     start = layout.starts[layout.index[picker]].pose
@@ -218,7 +218,7 @@ def _fillings(route: OneWay, picker: str, block: Block) -> Iterator[_Filling]:
         current = passes_with_bin[filled]
         # `Alone` follows within two steps, after a `Say`: see `PickerWays.go_to_next_row`.
         following = plan[fetch + 1 : fetch + 3]
-        yield _Filling(
+        yield Filling(
             picker=picker,
             row=current.row,
             side=route.sides[current.end],
@@ -230,7 +230,7 @@ def _fillings(route: OneWay, picker: str, block: Block) -> Iterator[_Filling]:
         went_on = plan[fetch].ends
 
 
-def _job(route: OneWay, filling: _Filling) -> TimedJob:
+def _job(route: OneWay, filling: Filling) -> TimedJob:
     """Return the job that takes the full bin away, and brings the picker an empty one.
 
     Raises ValueError for a route on which robots do not take turns at the lane.
@@ -242,7 +242,7 @@ def _job(route: OneWay, filling: _Filling) -> TimedJob:
     carrier = layout.machines["carrier"]
     row = filling.row
     side = filling.side
-    trips = _trips(route, row, side)
+    trips = trips_of(route, row, side)
     way = _uses(trips[0])
     stop = begin_of(Deliver, trips[0])
     crossings = _uses(filling.steps)
@@ -288,7 +288,7 @@ def _job(route: OneWay, filling: _Filling) -> TimedJob:
     )
 
 
-def _trips(route: OneWay, row: int, side: Side) -> list[list[TimedStep]]:
+def trips_of(route: OneWay, row: int, side: Side) -> list[list[TimedStep]]:
     """Return a carrier's trips, one from the head of each line of the queue: to an end of a row, to
     the bay and back, on free roads.
     """

@@ -10,12 +10,15 @@ from importlib.resources import files
 from typing import Any, Literal
 
 import msgspec
+from msgspec.structs import replace
 
 from orchard.dispatch.rollout import HEADWAY, ORDERED
 from orchard.field.layout import Layout, lay_out
-from orchard.field.picking import failure
 from orchard.field.scenario import TIME_STEP, Scenario, check, with_changes
 from orchard.plans.jobs import TimedJob, Use, jobs_of, ticks
+from orchard.plans.motions import JobMotions, motions_of
+from orchard.study.benchmark import holdups
+from orchard.study.benchmark.holdups import TimedDrive, TimedTurn
 from orchard.study.benchmark.play import GivenOrders
 
 SET = "1.0"
@@ -48,8 +51,6 @@ TRAILER_RULES = [
     "A trailer with `trailer_bins` bins, or with the last bin of the harvest, is away for"
     " `trailer_away` ticks. The harvest ends when the last trailer is back, if that is later.",
 ]
-# How many failures of each robot a file lists: no harvest of the set needs more.
-FAILURES = 24
 Split = Literal["train", "test", "hidden"]
 
 
@@ -61,14 +62,19 @@ class TimedUse(msgspec.Struct, array_like=True, frozen=True):
     ticks: int
 
 
-class LineExit(msgspec.Struct, frozen=True):
+class LineExit(msgspec.Struct, frozen=True, omit_defaults=True):
     """How a carrier comes from a line of the queue."""
 
     approach: int
     uses: list[TimedUse]
+    #: From the line's head to a head again, where a robot may be held up.
+    drives: list[TimedDrive] = []
+    turns: list[TimedTurn] = []
+    #: Of a line in which carriers charge: from the bay until the carrier is at its head.
+    to_charge: int = 0
 
 
-class InstanceJob(msgspec.Struct, frozen=True):
+class InstanceJob(msgspec.Struct, frozen=True, omit_defaults=True):
     """An exchange of bins, in ticks: see `RULES`, and `orchard.plans.jobs.TimedJob`."""
 
     picker: str
@@ -85,6 +91,9 @@ class InstanceJob(msgspec.Struct, frozen=True):
     in_bay: int
     to_head: int
     to_rest: int
+    #: In ticks since the picker went on, where a robot may be held up.
+    picker_drives: list[TimedDrive] = []
+    picker_turns: list[TimedTurn] = []
 
 
 class InstanceRow(msgspec.Struct, frozen=True):
@@ -116,7 +125,7 @@ class KnownSchedule(msgspec.Struct, frozen=True):
     orders: list[RecordedOrder]
 
 
-class InstanceDraw(msgspec.Struct, frozen=True):
+class InstanceDraw(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """What a seed draws."""
 
     seed: int
@@ -126,6 +135,10 @@ class InstanceDraw(msgspec.Struct, frozen=True):
     ready: list[int]
     #: Robot -> its failures in their order: for how long it works before, and then stands, s.
     failures: dict[str, list[tuple[float, float]]]
+    #: Robot -> its meetings with people and animals: metres before, and ticks for which it stands.
+    meetings: dict[str, list[tuple[float, int]]] = {}
+    #: Robot -> the turns before which it may stand for long: number, ticks alone, and with a bin.
+    looks: dict[str, list[tuple[int, int, int]]] = {}
     proven_seconds: float
     best: KnownSchedule | None = None
 
@@ -139,8 +152,8 @@ class Instance(msgspec.Struct, frozen=True):
     scenario: dict[str, Any]
     units: dict[str, str]
     rules: list[str]
-    #: Times in ticks, and numbers of trailers and of their bins.
-    constants: dict[str, int]
+    #: Times in ticks, shares, and numbers of trailers, of their bins and of chargers.
+    constants: dict[str, int | float]
     rows: list[InstanceRow]
     #: Picker -> its rows, in their order.
     pickers: dict[str, list[int]]
@@ -178,13 +191,18 @@ def instance_of(
     `values`: of its scenario. `proven`: seed -> the time below which no harvest can be, s.
     """
     layout = lay_out(check(values, name))
-    jobs = jobs_of(lay_out(_at_mean_speeds(layout.scenario)))
+    at_mean_speeds = lay_out(_at_mean_speeds(layout.scenario))
+    jobs = _jobs(jobs_of(at_mean_speeds))
+    if holdups.may_be_held_up(layout):
+        waiting_lines = len(layout.queue.used(layout.first_charging or layout.queue_places))
+        jobs = _with_motions(jobs, motions_of(at_mean_speeds), waiting_lines)
     places = layout.queue.places
     rules = [*RULES]
-    constants = {"ordered": ORDERED}
+    constants: dict[str, int | float] = {"ordered": ORDERED}
     if layout.scenario.load_out.has_trailers:
         rules += TRAILER_RULES
         constants |= _trailers(layout)
+    rules += holdups.rules_of(layout)
     headway = ticks(HEADWAY / layout.machines["carrier"].speed)
     carriers = [start.name for start in layout.starts if start.kind == "carrier"]
     rows = []
@@ -198,11 +216,11 @@ def instance_of(
         scenario=values,
         units=UNITS,
         rules=rules,
-        constants=constants | {"headway": headway},
+        constants=constants | {"headway": headway} | holdups.constants_of(layout),
         rows=rows,
         pickers={picker: list(block.rows) for picker, block in layout.blocks.items()},
         carriers={carrier: number // places for number, carrier in enumerate(carriers)},
-        jobs=_jobs(jobs),
+        jobs=jobs,
         draws=[_draw(layout, seed, seconds) for seed, seconds in proven.items()],
     )
 
@@ -247,6 +265,40 @@ def _jobs(jobs: Sequence[TimedJob]) -> list[InstanceJob]:
     return in_file
 
 
+def _with_motions(
+    jobs: Sequence[InstanceJob], motions: Sequence[JobMotions], charging: int
+) -> list[InstanceJob]:
+    """Return jobs of a file with the drives and turns of their robots.
+
+    `charging`: the number of the first line in which carriers charge.
+    """
+    moved = []
+    for job, motion in zip(jobs, motions, strict=True):
+        exits = []
+        for line, line_exit in enumerate(job.exits):
+            carrier = motion.carriers[line]
+            to_charge = 0
+            if line >= charging:
+                to_charge = ticks(motion.to_heads[line])
+            exits.append(
+                replace(
+                    line_exit,
+                    drives=holdups.timed_drives(carrier),
+                    turns=holdups.timed_turns(carrier),
+                    to_charge=to_charge,
+                )
+            )
+        moved.append(
+            replace(
+                job,
+                exits=exits,
+                picker_drives=holdups.timed_drives(motion.picker),
+                picker_turns=holdups.timed_turns(motion.picker),
+            )
+        )
+    return moved
+
+
 def _uses(uses: Iterable[Use]) -> list[TimedUse]:
     """Return uses of places as a file has them."""
     return [TimedUse(use.place, round(use.at / TIME_STEP), use.ticks) for use in uses]
@@ -257,24 +309,13 @@ def _draw(layout: Layout, seed: int, proven: float) -> InstanceDraw:
     drawn = lay_out(with_changes(layout.scenario, seed=seed))
     ready = [job.ready for job in jobs_of(drawn)]
     seconds = [round(lane.length / lane.picking_speed, 3) for lane in drawn.lanes]
-    failures = dict[str, list[tuple[float, float]]]()
-    rules = {
-        "picker": drawn.scenario.picking.failure,
-        "carrier": drawn.scenario.carrying.failure,
-    }
-    for start in drawn.starts:
-        rule = rules.get(start.kind)
-        if rule is None or rule.mean_between is None:
-            continue
-        of_robot = failures.setdefault(start.name, [])
-        for number in range(FAILURES):
-            work, repair = failure(seed, start.name, number, rule.mean_between, rule.mean_repair)
-            of_robot.append((round(work, 2), round(repair, 2)))
     return InstanceDraw(
         seed=seed,
         picking_seconds=seconds,
         ready=ready,
-        failures=failures,
+        failures=holdups.failures_of(drawn),
+        meetings=holdups.meetings_of(drawn),
+        looks=holdups.looks_of(drawn),
         proven_seconds=proven,
     )
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
-import second_reader
+from second_reader import TICK, Reader
 
 from orchard.field.layout import lay_out
 from orchard.field.scenario import check
@@ -25,6 +25,7 @@ from orchard.study.benchmark.families import (
     scenarios_of,
 )
 from orchard.study.benchmark.hidden_draws import EARLY, hidden_scenarios, separates_policies
+from orchard.study.benchmark.holdups import LOOKS
 from orchard.study.benchmark.instances import SET, as_file, instance_of, instances
 from orchard.study.benchmark.search import searched
 from orchard.study.benchmark.submission import ROUNDING, replayed
@@ -33,14 +34,15 @@ from orchard.study.workers import Workers
 FOLDER = Path(str(files("orchard.study.benchmark"))) / SET
 MEASURED = Path(__file__).parents[3] / "docs" / "benchmark.json"
 KNOWN = instances()
-# Orchards in which nobody is in a robot's way, and robots neither fail nor charge: so a file tells
-# all that happens.
-SIMPLE = []
-for known in KNOWN.values():
-    has_guests = bool(known.scenario["people"]["workers"])
-    has_failures = any(draw.failures for draw in known.draws)
-    if not has_guests and not has_failures and "chargers" not in known.scenario:
-        SIMPLE.append(known.name)
+# The share by which the second reader may be wrong. In three draws it is wrong by more: there it
+# lets a robot come to a place before another one that is a little later in the event model, and
+# minutes follow from that, because carriers are sent at given ticks.
+TOLERANCE = 0.02
+OTHER_ORDER = {
+    ("all-together-train", 1): 0.06,
+    ("all-together-train", 2): 0.10,
+    ("all-together-train", 4): 0.14,
+}
 
 
 def test_each_orchard_is_of_a_family_and_a_split():
@@ -107,14 +109,19 @@ def test_a_search_finds_what_beats_a_poor_schedule():
     assert replayed(known.of_seed(draw.seed), True, found.orders) == pytest.approx(found.seconds)
 
 
-@pytest.mark.parametrize("name", SIMPLE)
+@pytest.mark.parametrize("name", KNOWN)
 def test_another_program_computes_how_long_a_schedule_takes(name):
-    """tests/support/second_reader.py reads the JSON alone. It is right within 2 %: it knows no
-    queue behind a carrier that waits.
+    """tests/support/second_reader.py reads the JSON alone, and all bins are unloaded in it. A file
+    lists the looks before LOOKS turns, which are more than any robot makes.
     """
+    instance = json.loads((FOLDER / f"{name}.json").read_text())
     for number, draw in enumerate(KNOWN[name].draws):
-        seconds = second_reader.seconds_of(FOLDER / f"{name}.json", number)
-        assert seconds == pytest.approx(draw.best.seconds, rel=0.02)
+        reader = Reader(instance, number)
+        seconds = reader.run() * TICK
+        tolerance = OTHER_ORDER.get((name, number), TOLERANCE)
+        assert seconds == pytest.approx(draw.best.seconds, rel=tolerance)
+        assert reader.loaded == len(instance["jobs"])
+        assert max(reader.turns.values(), default=0) < LOOKS
 
 
 def test_readers_of_json_have_all_its_numbers():

@@ -6,6 +6,8 @@ In few orchards of the set a carrier waits for long, so those do not show whethe
 import json
 import re
 from collections import defaultdict
+from importlib.resources import files
+from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
@@ -15,9 +17,10 @@ from second_reader import TICK, Reader
 from orchard.event_model.trace import trace
 from orchard.field.layout import lay_out
 from orchard.field.scenario import check
-from orchard.study.benchmark.instances import KnownSchedule, as_file, instance_of, recorded
+from orchard.study.benchmark.instances import SET, KnownSchedule, as_file, instance_of, recorded
 from orchard.study.benchmark.play import Played, built_in_harvest
 
+FOLDER = Path(str(files("orchard.study.benchmark"))) / SET
 SEED = 7
 SMALL = NOBODY | {
     "rows": 8,
@@ -151,3 +154,14 @@ def test_another_program_needs_what_holds_robots_up():
     played, file = played_and_filed(more)
     file["draws"][0]["failures"] = {}
     assert Reader(file, 0).run() * TICK < 0.95 * played.seconds
+
+
+def test_another_program_needs_whom_robots_meet():
+    """With people and animals it is nearer to each harvest than without them."""
+    file = json.loads((FOLDER / "small-people-test.json").read_text())
+    for number, draw in enumerate(file["draws"]):
+        seconds = draw["best"]["seconds"]
+        missed = abs(Reader(file, number).run() * TICK - seconds)
+        draw["meetings"] = {}
+        draw["looks"] = {}
+        assert missed < 0.8 * abs(Reader(file, number).run() * TICK - seconds)

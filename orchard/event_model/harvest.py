@@ -5,7 +5,7 @@ lets the machine carry them on, and does what the machine stops for: see "why th
 in codes.py.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
@@ -61,7 +61,7 @@ class EventHarvest:
         self.bin_names = prepared.bin_names
         own = {name: getattr(prepared.model, name).copy() for name in STATE}
         own["speeds"] = prepared.program.pass_speeds.in_layout(layout)
-        self._drawn: Mapping[str, int] = FIRST
+        self._drawn = dict(FIRST)
         # The layout whose seed decides which people and animals robots meet.
         self._met_in = layout
         own |= self._draws()

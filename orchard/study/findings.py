@@ -45,18 +45,23 @@ class Findings:
     @property
     def jammed(self) -> list[int]:
         """The settings of which a run jammed, and none failed."""
+        failures = self.failures
         numbers = range(len(self.question.settings))
-        return [i for i in numbers if self._jams(i) and i not in self.failures]
+        return [i for i in numbers if self._jams(i) and i not in failures]
 
     @property
     def alive(self) -> list[int]:
         """The settings of which no run has jammed or failed."""
+        failures = self.failures
         numbers = range(len(self.question.settings))
-        return [i for i in numbers if not self._jams(i) and i not in self.failures]
+        return [i for i in numbers if not self._jams(i) and i not in failures]
 
     @property
     def failures(self) -> dict[int, RunFailed]:
-        """The settings of which a run failed, each with the error of its first one."""
+        """The settings of which a run failed, each with the error of its first one.
+
+        It goes through all settings, so take it once for all that you ask of it.
+        """
         failures = {}
         for i in range(len(self.question.settings)):
             failure = self.runs.failure(i, self.question.model)

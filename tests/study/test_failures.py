@@ -5,6 +5,7 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from command_line import orchard
@@ -13,6 +14,7 @@ from small_studies import AMPLE, QUIET
 
 from orchard.field.scenario import Scenario
 from orchard.study import study as module
+from orchard.study.findings import Findings
 from orchard.study.result import StudyResult
 from orchard.study.runs import RunFailed
 from orchard.study.study import study
@@ -72,6 +74,30 @@ def test_a_failed_run_is_not_kept_and_done_again(tmp_path, monkeypatch):
 def test_a_study_of_which_all_settings_fail_ends(tmp_path, monkeypatch):
     with pytest.raises(RunFailed, match=rf"seed 1, fast model, {RAISING}: .*{PLACE}"):
         studied(FewRuns(1000), tmp_path, monkeypatch, RAISING, "own_policies.Inventing")
+
+
+class Asked:
+    """Stands for the replications of many settings, of which none jams or fails."""
+
+    def __init__(self):
+        self.count = 0
+
+    def failure(self, i, model):
+        """Count how often it is asked."""
+        self.count += 1
+
+    def has_jammed(self, i, model):
+        """No setting has."""
+        return False
+
+
+def test_each_setting_is_asked_once_whether_it_failed():
+    """A study may have 10,000 settings, and tells what it knows again and again."""
+    runs = Asked()
+    question = SimpleNamespace(settings=range(100), model="fast")
+    findings = Findings(question=question, runs=runs, begun=0.0)
+    assert findings.alive == list(range(100))
+    assert runs.count == 100
 
 
 def test_the_command_shows_the_rest_and_fails(tmp_path):

@@ -143,7 +143,8 @@ class Findings:
             undecided += comparison.undecided
         shown = sorted(with_runs, key=question.place)
         failed = sorted(self.failures, key=question.place)
-        missing = [i for i in range(len(question.settings)) if i not in (*shown, *failed)]
+        accounted_for = {*shown, *failed}
+        missing = [i for i in range(len(question.settings)) if i not in accounted_for]
         # With circumstances there is a best setting of each combination, and none of all.
         best = None
         best_values = None

@@ -31,12 +31,11 @@ def as_kept(remembered: object, policy: Dispatch) -> bytes:
     except ValueError as error:
         text = f"the policy's memory does not fit its `Memory`, {policy.Memory}: {error}"
         raise TypeError(text) from None
-    # `difference` compares types too, but it is slow.
-    if kept != remembered:
-        change = difference(remembered, kept, "memory")
-        if change:
-            text = f"the policy's memory would be another one in its next decision: {change}"
-            raise TypeError(f"{text}. {ALLOWED}")
+    # Types too: a Counter equals the dict as which it would come back.
+    change = difference(remembered, kept, "memory")
+    if change:
+        text = f"the policy's memory would be another one in its next decision: {change}"
+        raise TypeError(f"{text}. {ALLOWED}")
     return packed
 
 

@@ -45,6 +45,7 @@ FAULTS = {
     "Overworking": " twice",
     "Hoarding": "memory takes",
     "Silent": "assign returned None",
+    "Tallying": "the policy's memory would be another one in its next decision: memory['asked']: ",
     "Tupling": "the policy's memory would be another one in its next decision: memory['seen']: ",
 }
 

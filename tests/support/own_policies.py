@@ -6,6 +6,7 @@ docs/extending.md describes the arguments of `assign`.
 """
 
 import os
+from collections import Counter
 
 from orchard import Assignment, BinReport
 
@@ -169,6 +170,14 @@ class Tupling(Own):
 
     def assign(self, now, bins, carriers, memory):
         memory["seen"] = (now,)
+        return []
+
+
+class Tallying(Own):
+    """Remembers a Counter, which equals the dict as which it would come back."""
+
+    def assign(self, now, bins, carriers, memory):
+        memory["asked"] = Counter(bins=1)
         return []
 
 

@@ -346,26 +346,15 @@ def _undecided(result: StudyResult) -> str:
 
 
 def _on_the_edge(result: StudyResult) -> str:
-    """Return which settings with as few robots are so near to the edge of what counts that more
-    runs are not worth it; '' if there are none.
+    """Return which settings are so near to the edge of what counts that more runs are not worth it;
+    '' if there are none.
     """
-    if result.undecided or result.best is None or result.not_run:
-        return ""
-    most = _robots(result.best)
-    near = []
-    for row in result.table:
-        if row.standing == "unknown" and _robots(row.setting) <= most:
-            near.append(row.setting)
-    if not near:
+    near = result.on_the_edge
+    if not near or result.undecided or result.best is None or result.not_run:
         return ""
     names = _named(near, _only_difference([result.best, *near]))
     within = f"{100.0 * result.within:g} %"
     return f"{_listed(names)} may be within {within} of the best mean, too: more runs hardly tell"
-
-
-def _robots(setting: Mapping[str, Any]) -> int:
-    """Return how many robots a setting names."""
-    return sum(setting.get(key) or 0 for key in ROBOTS)
 
 
 def _in_brackets(setting: Mapping[str, Any]) -> str:

@@ -190,6 +190,19 @@ class Comparison:
                 undecided.append(i)
         return sorted(undecided, key=lambda i: self.ahead[i])
 
+    @property
+    def on_the_edge(self) -> list[int]:
+        """The settings that may be the answer, too, but are so near to the edge of what counts that
+        more runs are not worth it.
+        """
+        undecided = self.undecided
+        near = []
+        for i in self.leads:
+            is_decided = i == self.best or i in undecided or self.standing(i) != "unknown"
+            if not is_decided and self.robots[i] <= self.robots[self.best]:
+                near.append(i)
+        return near
+
     def _is_open(self, i: int, lead: Interval) -> bool:
         """Whether a setting may still be the answer, and more runs would tell.
 

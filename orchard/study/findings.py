@@ -138,9 +138,11 @@ class Findings:
         comparisons = self.compared()
         with_runs = [*self.jammed]
         undecided: list[int] = []
+        on_the_edge: list[int] = []
         for comparison in comparisons:
             with_runs += comparison.leads
             undecided += comparison.undecided
+            on_the_edge += comparison.on_the_edge
         shown = sorted(with_runs, key=question.place)
         failed = sorted(self.failures, key=question.place)
         accounted_for = {*shown, *failed}
@@ -178,6 +180,7 @@ class Findings:
             not_run=question.values_of(sorted(missing, key=question.place)),
             break_even=self._break_even(comparisons, best),
             failed=question.values_of(failed),
+            on_the_edge=question.values_of(sorted(on_the_edge, key=question.place)),
         )
         # The answer and the last notes are words about the result itself.
         notes = [*result.notes, *map(break_even_words, result.break_even)]

@@ -121,8 +121,9 @@ class StudyResult:
     answer: str
     #: The values of the orchard that do not vary, in words.
     orchard: str
-    # The answer: of the settings that are as good as the best mean, that with the fewest robots.
-    # None: all jammed, or something varies that nobody can choose (`given`).
+    # The answer: of the settings that are as good as the best mean, that with the fewest robots,
+    # trailers, chargers and `bays`. None: all jammed, or something varies that nobody can choose
+    # (`given`).
     best: dict[str, Any] | None
     table: list[Row]
     goal: Goal
@@ -158,6 +159,8 @@ class StudyResult:
     break_even: list[BreakEven] = field(default_factory=list)
     #: Settings of which a run failed, as by an error in a policy. `notes` tell which, and where.
     failed: list[dict[str, Any]] = field(default_factory=list)
+    #: Settings that may be as good as the answer, too, of which more runs would hardly tell.
+    on_the_edge: list[dict[str, Any]] = field(default_factory=list)
     #: By when a harvest must be done, in words; '' without a deadline.
     deadline: str = ""
     #: The same as an option of the command.

@@ -251,7 +251,7 @@ ANSWERS = [
         ),
     ),
     (
-        of(NINE, EIGHT, replace(ELEVEN, standing="unknown")),
+        of(NINE, EIGHT, ELEVEN, on_the_edge=[EIGHT.setting]),
         (
             "9 carriers: 84.1 ± 0.6 bins an hour; 8 may be within 2 % of the best mean, too: more"
             " runs hardly tell."

@@ -273,7 +273,7 @@ def test_it_is_known_how_many_replications_would_decide() -> None:
 
 
 def test_seeds_that_agree_are_decided_at_the_next_look() -> None:
-    """Five equal leads tell nothing, so it takes the ten replications of the look after five."""
+    """Five equal leads tell nothing, so it takes the ten replications of the first look."""
     found = compare({0: [21.4] * 5, 1: [20.0] * 5}, {0: 2, 1: 1}, True, 0.95, 0.02)
     assert found.undecided == [1]
     assert found.replications_needed() == 10
@@ -301,6 +301,17 @@ def test_a_setting_on_the_edge_does_not_run_for_ever() -> None:
         0
     ].replications_needed() == found[1].count == 10
     assert [one.standing(1) for one in found] == ["unknown", "unknown"]
+
+
+@pytest.mark.parametrize(("robots", "on_the_edge"), [(1, [1]), (2, [1]), (3, [])])
+def test_only_what_may_be_the_answer_is_on_the_edge(robots: int, on_the_edge: list[int]) -> None:
+    """It is not with more robots than the answer, which has 2 here. If robots have their cost in
+    the goal, all settings have as many.
+    """
+    ten = {0: [61.2, 62.0, 60.6, 61.9, 60.3] * 2, 1: [60.0, 61.0, 59.0, 60.0, 60.0] * 2}
+    found = compare(ten, {0: 2, 1: robots}, True, 0.95, 0.0195)
+    assert (found.best, found.standing(1), found.undecided) == (0, "unknown", [])
+    assert found.on_the_edge == on_the_edge
 
 
 # Six machines and one repairman, the queue M/M/1//6: each machine fails after 20 units of time on

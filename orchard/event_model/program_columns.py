@@ -41,8 +41,8 @@ OP = np.dtype(
         ("faces_y", np.float64),
         # The list of places that it needs or frees; 0: none.
         ("places", np.int64),
-        # Of BEGIN_ROW, END_ROW and LEAVE_BIN: the pass. Of a drive that picks: the row, from 0. Of
-        # HOME and CHARGE: the line of the queue. Of MAY_CHARGE: the op to go on with.
+        # Of BEGIN_ROW, END_ROW, LEAVE_BIN and a drive that picks: the pass. Of any other drive:
+        # NONE. Of HOME and CHARGE: the line of the queue. Of MAY_CHARGE: the op to go on with.
         ("arg", np.int64),
         # Of a drive: to stand behind other robots is normal here, and a call ends it.
         ("is_queueing", np.bool_),

@@ -83,9 +83,9 @@ are few. A single harvest has other answers: `--horizon harvest`.
 
 The study tries as many carriers as it takes: about the number of the [limit without
 traffic](bounds.md#the-limit-without-traffic), then more, until the answer has its neighbours and
-lies inside. The answer is the fewest that come within 2 % (`--within`) of the best; so it is of
-trailers, chargers and `bays`. With prices in the scenario it is the number of carriers with the
-least cost of a bin:
+lies inside. The answer is the fewest that come within 2 % (`--within`) of the best. The same holds
+for trailers, chargers and `bays`. With prices in the scenario the answer is the number of carriers
+with the least cost of a bin:
 
 ```yaml
 prices: {{picker_per_hour: 25, carrier_per_hour: 8}}        # in your currency
@@ -116,7 +116,7 @@ prices:
   overhead_per_hour: 35
 ```
 
-The least of a day is paid as if all pickers filled as many bins.
+The least of a day is paid as if all pickers filled bins at the same rate while they are there.
 
 The notes tell what the last robot may cost, and one more, by its hours and up to the least of a
 day, beside piece rates: "carrier number 3 pays if it costs up to

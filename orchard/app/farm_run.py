@@ -86,8 +86,9 @@ def write_farm(settings: FarmSettings, pickers: int, files: Files) -> None:
         TRANSFER: number_of(settings.transfer),
         "pickers": pickers,
     }
-    # JSON is YAML, too.
-    farm_file(files).write_text(json.dumps(farm, indent=2))
+    # JSON is YAML, too, but for its escapes: those of 🥝 would be two characters, and no text.
+    text = json.dumps(farm, indent=2, ensure_ascii=False)
+    farm_file(files).write_text(text, encoding="utf-8")
 
 
 def farm_command(settings: FarmSettings, files: Files) -> list[str]:

@@ -39,6 +39,14 @@ def test_the_blocks_are_written_as_a_farm_of_the_command(tmp_path):
     ]
 
 
+def test_a_name_may_have_any_letter_or_sign(tmp_path):
+    files = Files(tmp_path, "study-1")
+    names = ["Hügel", "🥝 'Gold': [2]"]
+    blocks = [AddedBlock(name, TOP.scenario) for name in names]
+    write_farm(FarmSettings(blocks=tuple(blocks)), 4, files)
+    assert [block.name for block in read_farm(farm_file(files)).blocks] == names
+
+
 WRONG = [
     (dict(transfer="far"), "To the next block, min: must be a number from 0 to 1440"),
     (dict(transfer="1,250"), "write 1.25 or 1250"),

@@ -147,6 +147,9 @@ def _up_to_least(prices: Prices, attendances: Sequence[_Attendance], bins: float
     if prices.picker_least_per_day is None:
         return 0.0
     seconds = sum(there.count * there.seconds for there in attendances)
+    if seconds == 0.0:
+        # All are away for all of the time, which may be that of a limit: no harvest is so short.
+        return 0.0
     piece_rate_of_second = bins / seconds * (prices.picker_per_bin or 0.0)
     up_to_least = 0.0
     for there in attendances:

@@ -117,6 +117,16 @@ def test_who_comes_for_minutes_of_a_day_does_not_get_its_least() -> None:
     assert paid["picker_least"] == pytest.approx((3 * 200.0 + 100.0) / 28)
 
 
+def test_rain_that_lasts_longer_than_a_limit_costs_nothing() -> None:
+    """The limit without traffic may be shorter than the rain in the morning. A search for the
+    fewest robots asks what its harvest costs.
+    """
+    scenario = four_pickers(picker_per_hour=10.0, picker_least_per_day=100.0)
+    away = {f"picker_{number:02}": [[0.0, 3.0]] for number in range(1, 5)}
+    rainy = scenario.model_copy(update={"picker_absences": away})
+    assert payments_of_harvest(rainy, 4, 2.0, EIGHT_HOURS) == {}
+
+
 def test_a_piece_rate_falls_to_those_that_are_there() -> None:
     """24 bins at 3 an hour take 8 h. One of 4 pickers is away for half of the day, so
     3.5 days fill 24 bins: 48 / 7 each, and it half of that.

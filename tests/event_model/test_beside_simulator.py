@@ -303,3 +303,16 @@ def test_fast_carriers_that_turn_fast_deliver_in_the_same_ticks(
 ) -> None:
     """The bin of such a carrier is far off its place when the turn begins, and does not hold it."""
     assert_is_near(FAST | {"carrying": {"speed": speed, "turning": degrees}})
+
+
+def test_a_carrier_turns_before_one_that_stands_across() -> None:
+    """At the queue a carrier turns off the top road, on which the next one waits for it. That one
+    stands across: it is longer to the side, and narrower behind. The bin swings clear of it.
+    """
+    values = NOBODY | {
+        **{"rows": 12, "pickers": 5, "carriers": 6, "picking_speed": 0.5, "route": "two-way"},
+        **{"dispatch": "predictive", "rows_to_pickers": "balanced", "carrying": {"speed": 1.5}},
+        "load_out": {"metres": 100.0, "speed": 2.0, "seconds": 30.0},
+    }
+    harvest = EventHarvest(lay_out(Scenario(**values))).run()
+    assert harvest.delivered == harvest.bins

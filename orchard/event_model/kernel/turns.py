@@ -81,12 +81,25 @@ def is_barred(m, robot):
         y = y_now(m, neighbour) - m.robots[robot].y
         behind = -(x * op.faced_x + y * op.faced_y)
         aside = -(x * op.faces_x + y * op.faces_y)
-        nearest_behind = max(0.0, behind - CARRIER_HALF)
-        nearest_aside = max(0.0, aside - CARRIER_HALF_WIDTH)
-        is_beside = behind + CARRIER_HALF > -BIN_SIDE and aside > -CARRIER_HALF_WIDTH
+        half_behind, half_aside = CARRIER_HALF, CARRIER_HALF_WIDTH
+        if is_across(m, neighbour, op):
+            half_behind, half_aside = CARRIER_HALF_WIDTH, CARRIER_HALF
+        nearest_behind = max(0.0, behind - half_behind)
+        nearest_aside = max(0.0, aside - half_aside)
+        is_beside = behind + half_behind > -BIN_SIDE and aside > -half_aside
         if is_beside and nearest_behind**2 + nearest_aside**2 < SWEEP**2:
             return True
     return False
+
+
+@inner
+def is_across(m, robot, op):
+    """Whether a robot is on a line across the one on which another one faces before a turn.
+
+    `op`: the turn.
+    """
+    line = m.robots[robot].line
+    return line != c.NONE and (m.lines[line].axis == 0) != (op.faced_y == 0.0)
 
 
 @inner

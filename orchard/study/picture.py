@@ -459,6 +459,10 @@ def inline_drawing(drawing: Figure, title: str) -> str:
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r' width="[\d.]+pt" height="[\d.]+pt"', ' role="img"', svg, count=1)
     svg = svg.replace(">", f' aria-label="{title}">', 1)
+    # All drawings have the same names of parts, and a page may have several drawings.
+    own = re.sub(r"\W+", "-", title)
+    for before_name in (' id="', 'href="#', "url(#"):
+        svg = svg.replace(before_name, f"{before_name}{own}-")
     return svg.replace(INK, "currentColor").replace(QUIET, "#7d8778")
 
 

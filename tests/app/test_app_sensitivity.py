@@ -33,7 +33,7 @@ def test_the_page_tells_what_the_result_hangs_on(small):
     assert not page.one("[data-action=hangs-start]").is_enabled()
     page.fill("hangs-far", "")
     page.wait_until(lambda: not page.problem("hangs"), "the usual shares")
-    page.field("study-deadline").click()
+    page.driver.execute_script("arguments[0].focus()", page.field("study-deadline"))
     tab_to(page, "hangs-start")
     press(page, " ")
     page.wait_until(lambda: page.view("hangs-bar").is_displayed(), "a bar")
@@ -54,7 +54,9 @@ def test_a_change_of_an_input_stops_it(small):
     page.fill("rows", 40)
     page.wait_until(lambda: page.tree_lines() == 41, "an orchard that takes long")
     page.press("hangs-start")
-    wait_for(page, "running")
+    page.wait_until(
+        lambda: "of the runs are done" in page.view("hangs-answer").text, "runs that are done"
+    )
     page.fill("row_length", 80)
     wait_for(page, "stopped")
     assert "was changed. Ask again." in page.problem("hangs")

@@ -7,6 +7,7 @@ with its rate and its interval.
 import csv
 import io
 import json
+import re
 import shlex
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
@@ -255,6 +256,18 @@ def test_two_pages_that_draw_at_once_get_the_same_picture():
     alone = picture.inline_svg(whole())
     with ThreadPoolExecutor(2) as pages:
         assert set(pages.map(picture.inline_svg, [whole()] * 12)) == {alone}
+
+
+def test_two_pictures_of_a_page_have_no_part_of_one_name():
+    """A page with the same name twice is no valid page, and refers to the wrong part."""
+    drawing = picture.figure(whole())
+    names = []
+    for title in ("A study", "What it hangs on"):
+        svg = picture.inline_drawing(drawing, title)
+        of_this = re.findall(r' id="([^"]+)"', svg)
+        assert set(re.findall(r"url\(#([^)]+)\)", svg)) <= set(of_this)
+        names += of_this
+    assert names and len(set(names)) == len(names)
 
 
 class Structure(HTMLParser):

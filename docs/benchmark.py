@@ -78,14 +78,14 @@ def learning_picture() -> str:
     drawing = Figure(figsize=(8.6, 3.6), layout="constrained")
     axes = drawing.subplots()
     for points in measured["curves"].values():
-        seconds = [60.0 * at for at, _, _ in points]
+        minutes = [at for at, _, _ in points]
         scores = [100.0 * score for _, _, score in points]
-        axes.plot(seconds, scores, color=DOT, marker="o", markersize=3.0, linewidth=1.2)
+        axes.plot(minutes, scores, color=DOT, marker="o", markersize=3.0, linewidth=1.2)
     for policy, color in BESIDE.items():
         score = 100.0 * test_score(policy)
         axes.axhline(score, color=color, linewidth=1.0, linestyle="--")
         axes.annotate(f"{policy} {score:.1f}", (1.01, score), xycoords=("axes fraction", "data"))
-    axes.set_xlabel("seconds of learning, of one core; a line is a seed")
+    axes.set_xlabel("minutes of learning, of one core; a line is a seed")
     axes.set_ylabel("score in the test split, %")
     axes.spines[["top", "right"]].set_visible(False)
     return svg_of(drawing)

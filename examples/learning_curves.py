@@ -1,7 +1,7 @@
 """How well a dispatch policy learns: MaskablePPO of sb3-contrib in the benchmark's orchards for
 learning, scored in those for the test.
 
-    python examples/learning_curves.py --minutes 4 --seeds 5
+    python examples/learning_curves.py --minutes 10 --seeds 5
 
 It writes what docs/benchmark.md shows into docs/learning.json, after each score, and the policy of
 the last seed into learned_dispatch.zip, which learned_dispatch.py can use. Minutes are those of the
@@ -39,7 +39,7 @@ HARVESTS = 8
 # A harvest that takes so many times its proven time is given up: its score is 0.
 PATIENCE = 4.0
 # Minutes of learning after which it is scored, as shares of all; the last one is the end.
-SCORED = (0.0, 0.15, 0.4, 1.0)
+SCORED = (0.0, 0.05, 0.15, 0.4, 1.0)
 # Columns of what an orchard's observation says of a bin: whether it calls, the time since it calls,
 # until it is full and to reach it, s, and the way to it, m.
 CALLS, SINCE, FULL, REACH, METRES = 0, 2, 3, 4, 5

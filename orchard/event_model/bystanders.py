@@ -84,13 +84,19 @@ class Bystanders:
         """Return the ticks for which a robot stands at a meeting."""
         return ticks_of_meeting(draw(self.seed, STANDING + robot, number)[0])
 
-    def turning_ticks(self, robot: str, number: int) -> tuple[int, int]:
-        """Return the ticks for which a robot stands before a turn without a bin, and with one:
-        until all have told where they are, and while one is near.
+    def turning_ticks(self, robot: str, first: int, last: int) -> list[tuple[int, int]]:
+        """Return the ticks for which a robot stands before its turns from one number up to another
+        one: without a bin, and with one.
+
+        It stands until all have told where they are, and while one is near.
         """
         if not self.density:
-            return 0, 0
-        is_near, stays = draw(self.seed, LOOKING + robot, number, 2)
-        alone = ticks_of_look(is_near, stays, self.nearness(robot, is_towing=False))
-        towing = ticks_of_look(is_near, stays, self.nearness(robot, is_towing=True))
-        return alone, towing
+            return [(0, 0)] * (last - first)
+        alone = self.nearness(robot, is_towing=False)
+        towing = self.nearness(robot, is_towing=True)
+        looks = []
+        for number in range(first, last):
+            is_near, stays = draw(self.seed, LOOKING + robot, number, 2)
+            without = ticks_of_look(is_near, stays, alone)
+            looks.append((without, ticks_of_look(is_near, stays, towing)))
+        return looks

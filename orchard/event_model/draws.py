@@ -110,7 +110,5 @@ def _encounters(bystanders: Bystanders, name: str, first: int, last: int) -> np.
 @lru_cache(maxsize=KEPT)
 def _looks(bystanders: Bystanders, name: str, first: int, last: int) -> np.ndarray:
     """Return how long a robot stands before its turns. Turns count from 1."""
-    looks = []
-    for number in range(first, last):
-        looks.append(bystanders.turning_ticks(name, number + 1))
+    looks = bystanders.turning_ticks(name, first + 1, last + 1)
     return np.array(looks, columns.LOOK)

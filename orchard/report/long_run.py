@@ -196,6 +196,9 @@ class _LongRun:
     @property
     def _is_measured(self) -> bool:
         """Whether the fastest picker has done its least rows, and each one its whole rounds."""
+        # Nothing is measured yet. To read all exchanges takes longer than to see that.
+        if self.harvest.delivered <= self.first_bin:
+            return False
         if not any(map(self._has_least_rows, self.pickers)):
             return False
         return all(map(self._has_rounds, self.pickers))

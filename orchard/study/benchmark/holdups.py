@@ -176,9 +176,9 @@ def looks_of(layout: Layout) -> dict[str, list[tuple[int, int, int]]]:
     if bystanders.density:
         for name, _ in _robots(layout):
             of_robot = []
-            for number in range(LOOKS):
-                # Turns count from 1 in the draws.
-                alone, towing = bystanders.turning_ticks(name, number + 1)
+            # Turns count from 1 in the draws.
+            drawn = bystanders.turning_ticks(name, 1, LOOKS + 1)
+            for number, (alone, towing) in enumerate(drawn):
                 if max(alone, towing) > ASK:
                     of_robot.append((number, alone, towing))
             looks[name] = of_robot

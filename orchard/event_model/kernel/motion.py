@@ -34,25 +34,27 @@ def after_ticks(here, goal, step, ticks):
 @inner
 def x_now(m, robot):
     """Return a robot's x now, m, also on its way."""
-    me = m.robots[robot]
-    if me.state != c.DRIVING:
-        return me.x
-    line = m.lines[m.ops[me.op].line]
-    if line.axis == 1:
-        return me.x
-    ticks = m.desk[0].now // c.QUARTERS - me.leg_begun
-    return line.sign * after_ticks(me.leg_from, me.leg_goal, me.leg_stride, ticks)
+    return coordinate_now(m, robot, 0, m.robots[robot].x)
 
 
 @inner
 def y_now(m, robot):
     """Return a robot's y now, m, also on its way."""
+    return coordinate_now(m, robot, 1, m.robots[robot].y)
+
+
+@inner
+def coordinate_now(m, robot, axis, noted):
+    """Return a coordinate of a robot now, m.
+
+    `axis`: 0 is x, 1 is y. `noted`: the coordinate where it began what it does.
+    """
     me = m.robots[robot]
     if me.state != c.DRIVING:
-        return me.y
+        return noted
     line = m.lines[m.ops[me.op].line]
-    if line.axis == 0:
-        return me.y
+    if line.axis != axis:
+        return noted
     ticks = m.desk[0].now // c.QUARTERS - me.leg_begun
     return line.sign * after_ticks(me.leg_from, me.leg_goal, me.leg_stride, ticks)
 

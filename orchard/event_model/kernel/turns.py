@@ -75,21 +75,30 @@ def is_barred(m, robot):
     if not is_towing or op.faced_x == op.faced_y:
         return False
     for neighbour in range(len(m.robots)):
-        if m.robots[neighbour].tows != CARRIER_TOWS or not share_roads(m, robot, neighbour):
-            continue
-        x = x_now(m, neighbour) - m.robots[robot].x
-        y = y_now(m, neighbour) - m.robots[robot].y
-        behind = -(x * op.faced_x + y * op.faced_y)
-        aside = -(x * op.faces_x + y * op.faces_y)
-        half_behind, half_aside = CARRIER_HALF, CARRIER_HALF_WIDTH
-        if is_across(m, neighbour, op):
-            half_behind, half_aside = CARRIER_HALF_WIDTH, CARRIER_HALF
-        nearest_behind = max(0.0, behind - half_behind)
-        nearest_aside = max(0.0, aside - half_aside)
-        is_beside = behind + half_behind > -BIN_SIDE and aside > -half_aside
-        if is_beside and nearest_behind**2 + nearest_aside**2 < SWEEP**2:
+        is_carrier = m.robots[neighbour].tows == CARRIER_TOWS
+        if is_carrier and share_roads(m, robot, neighbour) and swings_into(m, robot, neighbour, op):
             return True
     return False
+
+
+@inner
+def swings_into(m, robot, neighbour, op):
+    """Whether the bin of a carrier would swing into another carrier. `op`: the turn."""
+    x = x_now(m, neighbour) - m.robots[robot].x
+    y = y_now(m, neighbour) - m.robots[robot].y
+    # How far the other one is behind the carrier, and on the side from which that turns away, m.
+    behind = -(x * op.faced_x + y * op.faced_y)
+    aside = -(x * op.faces_x + y * op.faces_y)
+    # Half of its box along both directions, m.
+    half_behind = CARRIER_HALF
+    half_aside = CARRIER_HALF_WIDTH
+    if is_across(m, neighbour, op):
+        half_behind = CARRIER_HALF_WIDTH
+        half_aside = CARRIER_HALF
+    nearest_behind = max(0.0, behind - half_behind)
+    nearest_aside = max(0.0, aside - half_aside)
+    is_beside = behind + half_behind > -BIN_SIDE and aside > -half_aside
+    return is_beside and nearest_behind**2 + nearest_aside**2 < SWEEP**2
 
 
 @inner

@@ -16,7 +16,7 @@ from nicegui.events import GenericEventArguments
 
 
 class TypedField(ui.element, component="typed_field.js"):
-    """A field for a text. `value`: the text, by the user or the program, whoever wrote last."""
+    """A field for a text. `value`: what was written last, by the user or by the program."""
 
     def __init__(self, on_change: Callable[[], None] = lambda: None) -> None:
         """`on_change`: is called after each change, also after one of the program."""

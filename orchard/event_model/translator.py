@@ -147,6 +147,7 @@ class PlanTranslator:
 
     def _copy_part(self, part: PlanPart, writer: Writer, begins: list[int]) -> None:
         """Do what `_translate_part` would do, if it has translated the same part before."""
+        # By how many ops the copy is later than the part.
         later = len(self.ops) - part.first
         self.ops.extend(part.with_number(writer.passes[0][0]))
         self.steps += self.steps[part.first : part.last]

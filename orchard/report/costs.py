@@ -35,9 +35,9 @@ OF_ROBOTS = {
     "pickers": ("picker_hours", "picker_least", "picker_bought"),
     "carriers": ("carrier_hours", "carrier_days", "carrier_bought"),
 }
-# s. Who is there for no longer on a day on which it is away does not get the least of this day.
-# Chosen: the hours of an absence are those of a harvest, of which a day does a little less than its
-# hours, so who is ill on the third day may come for some minutes of it.
+# s. A picker that is there for no longer, on a day on which it is away, does not get the least of
+# this day. Chosen: the hours of an absence are those of a harvest, of which a day does a little less
+# than its hours. So a picker that is away on the third day may come for some minutes of it.
 LEAST_ATTENDANCE = 3600.0
 
 

@@ -36,8 +36,8 @@ OF_ROBOTS = {
     "carriers": ("carrier_hours", "carrier_days", "carrier_bought"),
 }
 # s. A picker that is there for no longer, on a day on which it is away, does not get the least of
-# this day. Chosen: the hours of an absence are those of a harvest, of which a day does a little less
-# than its hours. So a picker that is away on the third day may come for some minutes of it.
+# this day. Chosen: the hours of an absence are those of a harvest, of which a day does a little
+# less than its hours. So a picker that is away on the third day may come for some minutes of it.
 LEAST_ATTENDANCE = 3600.0
 
 

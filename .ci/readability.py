@@ -39,6 +39,7 @@ MEASURES = {
     "vague_names": "the name of a value says nothing of it",
     "bare_functions": "a function has no docstring",
     "double_classes": "a class has the name of another one",
+    "double_files": "a file of tests has the name of another one, and pytest collects only one",
     "long_test_names": "the name of a test has more than sixty characters",
 }
 # Names that say nothing of a value.
@@ -268,14 +269,18 @@ def measured(name: str, files: Sequence[Path]) -> Area:
     """Return what was found in some files."""
     area = Area(name)
     classes: dict[str, list[str]] = defaultdict(list)
+    names: dict[str, list[str]] = defaultdict(list)
     for path in files:
+        if path.name.startswith("test_"):
+            names[path.name].append(f"{path.relative_to(ROOT)}")
         reader = Reader(path, area)
         reader.read()
         for class_name, place in reader.classes:
             classes[class_name].append(place)
-    for places in classes.values():
-        if len(places) > 1:
-            area.places["double_classes"].extend(places)
+    for measure, named in (("double_classes", classes), ("double_files", names)):
+        for places in named.values():
+            if len(places) > 1:
+                area.places[measure].extend(places)
     return area
 
 

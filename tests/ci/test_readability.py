@@ -64,8 +64,18 @@ def test_a_measure_counts_what_it_is_about(readability, monkeypatch, tmp_path, m
     assert counts(readability, monkeypatch, tmp_path, good)[measure] == 0
 
 
+def test_two_files_of_tests_with_one_name_are_counted(readability, monkeypatch, tmp_path):
+    monkeypatch.setattr(readability, "ROOT", tmp_path)
+    files = [tmp_path / "app" / "test_page.py", tmp_path / "view" / "test_page.py"]
+    for file in files:
+        file.parent.mkdir()
+        file.write_text("")
+    area = readability.measured("tests", files)
+    assert area.places["double_files"] == ["app/test_page.py", "view/test_page.py"]
+
+
 def test_each_measure_has_an_example(readability):
-    assert set(SEEN) == set(readability.MEASURES)
+    assert {*SEEN, "double_files"} == set(readability.MEASURES)
 
 
 LIMITS = """# A comment stays.

@@ -145,6 +145,10 @@ class DiscreteHarvest:
         """
         return self.model.waited_seconds
 
+    def exchange_counts(self, since: float = 0.0) -> dict[str, int]:
+        """Return how many empty bins each picker got for full ones, from a time on, s."""
+        return self.model.exchange_counts(since)
+
     @property
     def exchanges(self) -> dict[str, list[Exchange]]:
         """Of each picker, in the order in which it got empty bins for full ones."""

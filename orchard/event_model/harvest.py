@@ -292,7 +292,8 @@ class EventHarvest:
     def deliveries(self) -> list[float]:
         """When each bin was unloaded, s; of a harvest that goes on from a run, since then."""
         ticks = self.model.deliveries[self.delivered_before : self.delivered]
-        return [float(tick) * TIME_STEP for tick in ticks]
+        seconds: list[float] = (ticks * TIME_STEP).tolist()
+        return seconds
 
     @property
     def is_over(self) -> bool:
@@ -329,8 +330,15 @@ class EventHarvest:
     def share_done(self, picker: str) -> float:
         """Return which share of its plan a picker has begun, 0 to 1."""
         first, end = self.program.harvests[picker], self.program.harvest_ends[picker]
-        op = int(self.model.robots.op[self.names.index(picker)])
+        op = int(self.model.robots["op"][self.names.index(picker)])
         return max(0, op - first) / (end - first)
+
+    def exchange_counts(self, since: float = 0.0) -> dict[str, int]:
+        """Return how many empty bins each picker got for full ones, from a time on, s."""
+        rows = self._exchanges()
+        pickers = rows["picker"][rows["tick"] * TIME_STEP >= since]
+        counts = np.bincount(pickers, minlength=len(self.names)).tolist()
+        return {name: counts[self.names.index(name)] for name in self.layout.blocks}
 
     @property
     def exchanges(self) -> dict[str, list[Exchange]]:

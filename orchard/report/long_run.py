@@ -199,15 +199,21 @@ class _LongRun:
         # Nothing is measured yet. To read all exchanges takes longer than to see that.
         if self.harvest.delivered <= self.first_bin:
             return False
-        if not any(map(self._has_least_rows, self.pickers)):
+        if not self._has_least_rows():
             return False
+        # Finished or not: to count them is quicker than to read them.
+        for name, count in self.harvest.exchange_counts(self.since).items():
+            if not self.rounds[name].suffice(count):
+                return False
         return all(map(self._has_rounds, self.pickers))
 
-    def _has_least_rows(self, name: str) -> bool:
+    def _has_least_rows(self) -> bool:
         """Whether a picker has filled as many bins as the least number of rows fills."""
-        whole = self.rounds[name]
-        least_bins = self.least_rows * whole.bins / whole.rows
-        return len(self.harvest.exchanges[name]) >= least_bins
+        for name, count in self.harvest.exchange_counts().items():
+            whole = self.rounds[name]
+            if count >= self.least_rows * whole.bins / whole.rows:
+                return True
+        return False
 
     # -- the rate
 

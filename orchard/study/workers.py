@@ -30,6 +30,7 @@ from threading import Thread
 from typing import Any, TypeVar, cast
 
 from orchard.contract.printed import Printed
+from orchard.memory import collect_seldom
 from orchard.terminal.long_calls import tell_long_calls
 
 GLANCE = 0.2  # s between two looks whether to stop
@@ -219,6 +220,7 @@ def _end_with_parent(alive: Connection, safe_path: str | None) -> None:
     What own classes print goes to stderr, as far as `Printed` lets it. What C code writes to stdout
     itself is thrown away.
     """
+    collect_seldom()
     _set_safe_path(safe_path)
     show = partial(print, file=sys.stderr, flush=True)
     logging.getLogger("orchard").addHandler(_FirstErrors(show))

@@ -22,10 +22,20 @@ import pytest
 from command_line import ROOT, orchard
 from machines import machines, needs_machines, within
 from patience import PATIENCE
-from work import blocked_signals, complaining, deadly, double, faulty, loud, slow
+from work import (
+    blocked_signals,
+    complaining,
+    deadly,
+    double,
+    faulty,
+    garbage_threshold,
+    loud,
+    slow,
+)
 
 from orchard.contract.printed import MOST_LINES
 from orchard.field.scenario import Scenario
+from orchard.memory import YOUNG
 from orchard.study import workers as module
 from orchard.study.options import StudyOptions
 from orchard.study.study import study
@@ -70,6 +80,12 @@ def test_a_worker_that_dies_between_rounds_is_replaced():
         noticed.join(PATIENCE)
         done = workers.do(double, [(number, NOBODY_DIES) for number in NUMBERS], always)
         assert sorted(result for _, result in done) == [2 * number for number in NUMBERS]
+
+
+def test_workers_seldom_look_for_garbage():
+    """Else a fifth of their time would go to it."""
+    with processes(1) as workers:
+        assert [result for _, result in workers.do(garbage_threshold, [1], always)] == [YOUNG]
 
 
 def test_ctrl_c_at_the_terminal_is_the_parents():

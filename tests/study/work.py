@@ -1,5 +1,6 @@
 """Work for the workers of the tests, in a module that each of them can import."""
 
+import gc
 import logging
 import os
 import signal
@@ -45,6 +46,11 @@ def slow(item: Path) -> None:
     """Write which process works into a file, and work for ever."""
     item.write_text(str(os.getpid()))
     signal.pause()
+
+
+def garbage_threshold(_: object) -> int:
+    """Return how many objects a worker makes before Python's cycle collector runs."""
+    return gc.get_threshold()[0]
 
 
 def blocked_signals(_) -> set[int]:

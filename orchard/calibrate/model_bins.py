@@ -22,7 +22,7 @@ from orchard.calibrate.bins import LoggedBin
 from orchard.discrete.harvest import Jam, picked_again
 from orchard.event_model import codes as c
 from orchard.event_model.harvest import EventHarvest
-from orchard.event_model.program import SIDES
+from orchard.event_model.picker_plans import SIDES
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.plans.jobs import TimedStep, timed_steps

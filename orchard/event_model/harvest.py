@@ -22,8 +22,8 @@ from orchard.event_model.draws import FIRST, draws, more_draws
 from orchard.event_model.kernel.drives import FAR
 from orchard.event_model.kernel.entry import addressed, run, with_arrays
 from orchard.event_model.known import refuse_unknown
+from orchard.event_model.picker_plans import SIDES
 from orchard.event_model.policies import AskedPolicy, PolicyQuestion, PolicyQuestions
-from orchard.event_model.program import SIDES
 from orchard.event_model.results import JAM, LONGEST, Exchange
 from orchard.event_model.start import STATE, prepare
 from orchard.field.kinds import kind_of

@@ -18,7 +18,7 @@ from orchard.dispatch.policies import POLICIES, dispatch_of
 from orchard.dispatch.policy import Assignment, BinReport, CarrierReport, is_early
 from orchard.event_model import codes as c
 from orchard.event_model import columns
-from orchard.event_model.program import SIDES
+from orchard.event_model.picker_plans import SIDES
 from orchard.field.kinds import kind_of
 from orchard.field.layout import Layout
 from orchard.field.plugins import MISTAKES, contained, reraise_ctrl_c

@@ -12,9 +12,7 @@ import numpy as np
 from orchard.event_model import codes as c
 from orchard.event_model import program_columns
 from orchard.event_model.draws import has_failures
-from orchard.event_model.pass_speeds import PassSpeeds
-from orchard.event_model.tables import Table
-from orchard.event_model.translator import PlanTranslator
+from orchard.event_model.picker_plans import SIDES, end_number, picker_plans
 from orchard.event_model.writer import Writer
 from orchard.field.kinds import number_of
 from orchard.field.layout import Layout
@@ -25,7 +23,6 @@ from orchard.plans.routes import route_of, way_to
 
 # m of rounding.
 ROUNDING = 1e-6
-SIDES = ("east", "west")
 # What stands in a job for its picker and its full bin.
 THE_PICKER = "the picker"
 THE_BIN = "the full bin"
@@ -46,7 +43,8 @@ class Program:
         self._carrier = layout.machines["carrier"]
         self.route: OneWay = route_of(layout)
         lanes = len(layout.lanes)
-        self._plans = PlanTranslator(layout, self.route)
+        of_pickers = picker_plans(layout, self.route)
+        self._plans = of_pickers.translator
         self.ops = self._plans.ops
         self.needs = self._plans.needs
         self.frees = self._plans.frees
@@ -55,8 +53,13 @@ class Program:
         self.steps = self._plans.steps
         self.begins = self._plans.begins
         self.queue_lines = self._plans.queue_lines
-        self.passes = Table(program_columns.PASS)
-        self.pass_speeds = PassSpeeds()
+        self.passes = of_pickers.passes
+        self.pass_speeds = of_pickers.pass_speeds
+        # Bins that all pickers fill.
+        self.bins = of_pickers.bins
+        # Picker -> the ops at which its plan begins and ends.
+        self.harvests = of_pickers.first_ops
+        self.harvest_ends = of_pickers.last_ops
         waiting_lines = len(self.queue_lines) - len(layout.charging_lines)
         # The lines of the queue in which carriers charge.
         self.charging_lines = range(waiting_lines, len(self.queue_lines))
@@ -65,7 +68,7 @@ class Program:
         for lane in layout.lanes:
             for side in SIDES:
                 metres, seconds = way_to(self.route, lane.number, self.route.sides[side])
-                self.ends[self.end_number(lane.number, side)] = (metres, seconds)
+                self.ends[end_number(lane.number, side)] = (metres, seconds)
         # (lines of the queue, ends of lanes) m by road, from the head of a line. Behind the head
         # the way is longer by the distance from it, unless a route of the user's own measures
         # otherwise.
@@ -74,11 +77,6 @@ class Program:
         self._measure_ways()
         # s before it is full at which a bin calls, as `forecast.horizon` says.
         self.horizon = float(max(self.ends.seconds)) + EARLIER
-        # Bins that all pickers fill.
-        self.bins = 0
-        # Picker -> the ops at which its plan begins and ends.
-        self.harvest_ends: dict[str, int] = {}
-        self.harvests = {name: self._translate_harvest(name) for name in layout.blocks}
         # Of each line of the queue, the op at which waiting begins.
         self.waiting = [self._translate_waiting(y) for y in self.queue_lines]
 
@@ -123,10 +121,6 @@ class Program:
         """The ops and the lists of places: `arrays` are others only when there are more of them."""
         with self._lock:
             return len(self.ops), len(self.places)
-
-    def end_number(self, row: int, side: str) -> int:
-        """Return the number of a lane's end."""
-        return 2 * (row - 1) + SIDES.index(side)
 
     def queue_line(self, carrier: str) -> int:
         """Return the line of the queue in which a carrier waits."""
@@ -194,32 +188,6 @@ class Program:
         return self.route.distance(x, y, lane + 1, self.route.sides[SIDES[side]])
 
     # -- plans
-
-    def _translate_harvest(self, picker: str) -> int:
-        """Translate the plan of a picker. Return its first op."""
-        layout = self.layout
-        block = layout.blocks[picker]
-        start = next(start.pose for start in layout.starts if start.name == picker)
-        passes = []
-        fills_on = False
-        for drive in layout.passes(block):
-            passes.append((len(self.passes), drive))
-            self.bins += drive.leaves_bin
-            self.pass_speeds.add(picker, drive)
-            self.passes.append(
-                row=drive.row - 1,
-                end=self.end_number(drive.row, drive.end),
-                metres=drive.metres,
-                is_full=drive.is_full,
-                leaves_bin=drive.leaves_bin,
-                fills_on=fills_on,
-            )
-            fills_on = not drive.leaves_bin
-        first = self._plans.translate(
-            Writer(self.route.harvest(block), start, layout.machines["picker"], passes=passes)
-        )
-        self.harvest_ends[picker] = len(self.ops) - 1
-        return first
 
     def _translate_waiting(self, y: float) -> int:
         """Translate how a carrier waits in the line of the queue at y, m. Return its first op."""

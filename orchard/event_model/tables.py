@@ -3,6 +3,7 @@ lines on which robots drive.
 """
 
 from collections.abc import Iterable
+from copy import copy
 from itertools import repeat
 from threading import RLock
 from typing import Any
@@ -22,6 +23,12 @@ class Table:
 
     def __len__(self) -> int:
         return self._count
+
+    def copy(self) -> "Table":
+        """Return a table with the same rows, which grows alone."""
+        table = copy(self)
+        table._rows = self._rows.copy()
+        return table
 
     def append(self, **values: Any) -> None:
         """Append a row. A column that is not named is 0."""
@@ -75,6 +82,14 @@ class PlaceLists:
         vars(self).update(state)
         self._lock = RLock()
 
+    def copy(self) -> "PlaceLists":
+        """Return the same lists, to which others can be added alone."""
+        lists = copy(self)
+        lists.bits = dict(self.bits)
+        lists._numbers = dict(self._numbers)
+        lists._rows = self._rows.copy()
+        return lists
+
     def __len__(self) -> int:
         return len(self._numbers)
 
@@ -117,6 +132,13 @@ class Lines:
         self.most = most
         self._rows = Table(program_columns.LINE)
         self._numbers: dict[tuple[int, float, int], int] = {}
+
+    def copy(self) -> "Lines":
+        """Return the same lines, to which others can be added alone."""
+        lines = copy(self)
+        lines._rows = self._rows.copy()
+        lines._numbers = dict(self._numbers)
+        return lines
 
     @property
     def array(self) -> np.ndarray:

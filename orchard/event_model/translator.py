@@ -4,6 +4,7 @@
 nothing for others give no op. Durations stay in the step classes, and rules where they are.
 """
 
+from copy import copy
 from functools import singledispatchmethod
 from math import floor
 from typing import Any
@@ -78,6 +79,23 @@ class PlanTranslator:
         self.queue_lines = layout.queue.used(layout.queue_places)
         # Of the failures on a route of the user's own; None: that of the scenario.
         self.own_failure_seed: int | None = None
+
+    def copy_for(self, layout: Layout, route: OneWay) -> "PlanTranslator":
+        """Return a translator that goes on from these plans, which are the same in a layout."""
+        translator = copy(self)
+        translator.layout = layout
+        translator.route = route
+        translator.queue_lines = layout.queue.used(layout.queue_places)
+        translator.ops = self.ops.copy()
+        translator.needs = self.needs.copy()
+        translator.frees = self.frees.copy()
+        translator.steps = list(self.steps)
+        translator.begins = dict(self.begins)
+        translator.places = self.places.copy()
+        translator.lines = self.lines.copy()
+        # Only pickers have parts that come again.
+        translator._parts = {}
+        return translator
 
     def translate(self, writer: Writer) -> int:
         """Translate the steps of a plan, and those that may take the place of its rest.

@@ -410,6 +410,17 @@ class Geometry:
             layout=layout,
         )
 
+    @classmethod
+    def of_pickers(cls, layout: Layout) -> "Geometry":
+        """Return a key of what does not depend on the number of carriers either."""
+        scenario = layout.scenario.model_copy(update={"seed": 0, "carriers": None})
+        return cls(
+            scenario=scenario.model_dump_json(),
+            queue_places=0,
+            blocks=tuple(layout.blocks.items()),
+            layout=layout,
+        )
+
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def _laid_out(text: str) -> Layout:

@@ -9,9 +9,10 @@ import pytest
 from quiet import NOBODY, quiet_layouts
 
 from orchard.discrete.harvest import picked_again
-from orchard.event_model import start
+from orchard.event_model import picker_plans, start
 from orchard.event_model.harvest import EventHarvest
-from orchard.event_model.program import SIDES, Program
+from orchard.event_model.picker_plans import SIDES, end_number
+from orchard.event_model.program import Program
 from orchard.event_model.program_columns import OP
 from orchard.event_model.repeated_parts import PlanPart
 from orchard.field.layout import Layout, lay_out
@@ -48,7 +49,7 @@ def test_the_ops_of_a_job_last_as_long_as_its_steps(layout: Layout) -> None:
             for side in SIDES:
                 job = route.fetch(place + 1, lane.number, route.sides[side], "picker_01", "bin_01")
                 plan = list(timed_steps(job, layout.queue.place(place), layout.machines["carrier"]))
-                first = program.translate_job(queue_line, program.end_number(lane.number, side))
+                first = program.translate_job(queue_line, end_number(lane.number, side))
                 assert program.ticks(first, speeds) == pytest.approx(plan[-1].ends / TIME_STEP)
 
 
@@ -61,6 +62,7 @@ def test_a_step_that_the_model_does_not_know_is_named(monkeypatch: pytest.Monkey
     def harvest(self: OneWay, block: Block) -> list[Fill]:
         return [Fill(1.0, 1.0)]
 
+    picker_plans._kept.cache_clear()
     monkeypatch.setattr(OneWay, "harvest", harvest)
     with pytest.raises(NotImplementedError, match="does not know the step Fill"):
         Program(lay_out(Scenario(rows=3, pickers=2, carriers=1)))
@@ -73,8 +75,29 @@ def test_a_part_that_comes_again_is_copied_rightly(
     """A plan in which rows are picked again and again has the ops of its steps one by one."""
     again = picked_again(layout, 7)
     copied = Program(again)
+    picker_plans._kept.cache_clear()
     monkeypatch.setattr(PlanPart, "is_of_pass", False)
     assert ops_of(copied) == ops_of(Program(again))
+
+
+@pytest.mark.parametrize("layout", LAYOUTS, ids=range(len(LAYOUTS)))
+def test_fleets_share_the_plans_of_their_pickers(layout: Layout) -> None:
+    """A program that goes on from the plans of another fleet is the same as one from scratch."""
+    values = layout.scenario.model_dump()
+    other = lay_out(Scenario(**values | {"carriers": layout.scenario.carrier_count % 3 + 1}))
+    picker_plans._kept.cache_clear()
+    alone = Program(layout)
+    picker_plans._kept.cache_clear()
+    Program(other).translate_all()
+    shared = Program(layout)
+    assert picker_plans._kept.cache_info().hits == 1
+    for program in (alone, shared):
+        program.translate_all()
+    assert ops_of(shared) == ops_of(alone)
+    assert shared.places.array.tolist() == alone.places.array.tolist()
+    assert shared.places.bits == alone.places.bits
+    assert shared.lines.array.tolist() == alone.lines.array.tolist()
+    assert shared.jobs.tolist() == alone.jobs.tolist()
 
 
 def ops_of(program: Program) -> list[Any]:

@@ -18,6 +18,7 @@ from orchard.event_model.begun.moment import RunMoment
 from orchard.event_model.begun.ops import Ops
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel.bay import later
+from orchard.event_model.picker_plans import end_number
 from orchard.event_model.plain import as_python
 from orchard.field.geometry import HEADINGS, Pose, angle_between
 from orchard.field.kinds import kind_of
@@ -167,7 +168,7 @@ class Robots:
         line = self._queue_line(name)
         if job is None:
             return self.program.waiting[line]
-        end = self.program.end_number(job.lane, job.side)
+        end = end_number(job.lane, job.side)
         first = int(self.program.jobs[line, end])
         if first == c.NONE:
             first = self.program.translate_job(line, end)

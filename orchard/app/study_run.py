@@ -13,6 +13,7 @@ from orchard.app.also_compared import (
     problem_of_compared,
 )
 from orchard.app.command import Files, Latest, PageCommand
+from orchard.app.entries import label_of
 from orchard.app.typed_numbers import number_of, number_problem, span, with_point
 from orchard.field.scenario import Scenario
 from orchard.study.deadline import MOST_DAYS, MOST_DEADLINE
@@ -29,6 +30,7 @@ ONLY_FLEETS = "it compares people and carriers, and nothing else: leave these ou
 WHOLE_DAYS = f"must be a whole number of days from {span(DAYS)}"
 NO_DAY = "days need a working day: enter when work begins and ends, or ask by hours of work"
 HORIZON_LABEL = "Horizon"
+FREE = "is compared, and would cost nothing: enter 0 if it does, or no prices at all"
 NO_FIRST_HOUR = "nobody is away in the long run, which has no first hour: choose one harvest"
 
 
@@ -38,7 +40,8 @@ class StudySettings:
 
     `dispatch`, `route`: the rules to compare; without any, the one of the scenario. `budget`: s of
     wall time. `deadline`: by when the harvest must be done, in `deadline_unit`: hours of work, or
-    days; '' for no deadline. With a deadline the numbers of pickers and carriers are compared.
+    days; '' for no deadline. With a deadline the numbers of carriers are compared, and those of
+    pickers where `compares_pickers` says so.
     `compared`: the path of one more setting to compare, '' for none; `compared_values`: its values.
     """
 
@@ -55,6 +58,17 @@ class StudySettings:
     def has_deadline(self) -> bool:
         """Whether the harvest must be done by some time."""
         return bool(self.deadline.strip())
+
+    def compares_pickers(self, scenario: Scenario) -> bool:
+        """Whether numbers of pickers are compared: where a user asks for them, and by a deadline.
+
+        With a deadline they are not if carriers or all else have a price, and pickers have none:
+        the most pickers would be the cheapest.
+        """
+        if self.compared:
+            return self.compared == "pickers"
+        prices = scenario.prices
+        return self.has_deadline and (prices.are_of_pickers or not prices.are_set)
 
     @property
     def problem(self) -> str:
@@ -81,12 +95,24 @@ class StudySettings:
         is_long = self.horizon == "long" and not self.has_deadline
         if is_long and scenario.picker_absences:
             return f"{HORIZON_LABEL}: {NO_FIRST_HOUR}"
-        if not self.compared:
-            return ""
+        problem = self._problem_of_prices(scenario)
+        if problem or not self.compared:
+            return problem
         problem = problem_in(scenario, self.compared, self.compared_values)
         if not problem:
             return ""
         return f"{COMPARED_LABEL}: {problem}"
+
+    def _problem_of_prices(self, scenario: Scenario) -> str:
+        """Return which price is missing where robots are compared and other things have prices."""
+        prices = scenario.prices
+        if not prices.are_set:
+            return ""
+        if not prices.are_of_carriers:
+            return f"{label_of('prices.carrier_per_hour')}: {FREE}"
+        if self.compares_pickers(scenario) and not prices.are_of_pickers:
+            return f"{label_of('prices.picker_per_hour')}: {FREE}"
+        return ""
 
     def _problem_of_deadline(self) -> str:
         problem = self._problem_of_number()
@@ -103,13 +129,13 @@ class StudySettings:
         return number_problem(self.deadline, DAYS, " days")
 
 
-def study_command(settings: StudySettings, files: Files) -> list[str]:
+def study_command(scenario: Scenario, settings: StudySettings, files: Files) -> list[str]:
     """Return the command that a user would type for a study."""
     line = [sys.executable, "-u", "-P", "-m", "orchard", "study", str(files.scenario)]
     line += ["--vary", "carriers"]
     if settings.compared:
         line += compared_option(settings.compared, settings.compared_values)
-    elif settings.has_deadline:
+    elif settings.compares_pickers(scenario):
         line += ["--vary", "pickers"]
     if settings.has_deadline:
         line += _deadline_option(settings)
@@ -145,7 +171,7 @@ class StudyRun(PageCommand):
         """Start the study. Raises OSError."""
         self.settings = settings
         self.result: StudyResult | None = None
-        super().__init__(scenario, files, study_command(settings, files))
+        super().__init__(scenario, files, study_command(scenario, settings, files))
 
     def message_of(self, line: str) -> str | None:
         """Take the result so far, if a line holds it. Return any other line for a person."""

@@ -39,6 +39,10 @@ HINT_OF_FLEETS = (
     "Tries numbers of people and carriers together, and tells which of them are done in time at"
     " the least cost; without prices, with the fewest. The answer grows while you look."
 )
+HINT_OF_OWN_PEOPLE = (
+    "Tries numbers of carriers with your people, and tells how many are done in time at the least"
+    " cost. Enter “Price of a picker”, and numbers of people are tried, too."
+)
 UNITS = {"h": "hours of work", "d": "days"}
 HORIZONS = {"long": "the long run", "harvest": "one harvest"}
 # Characters of the part of an answer that is shown large.
@@ -194,15 +198,8 @@ class StudyView:
         self._settings = replace(self._settings, **settings)
         self._desk.study = self._settings
         self._trouble.set_text(self._settings.problem)
-        has_deadline = self._settings.has_deadline
-        if has_deadline:
-            self._buttons.name(WHICH_FLEET)
-            self._hint.set_text(HINT_OF_FLEETS)
-        else:
-            self._buttons.name(HOW_MANY)
-            self._hint.set_text(HINT)
         # A deadline is that of one harvest.
-        self._horizon.set_enabled(not has_deadline)
+        self._horizon.set_enabled(not self._settings.has_deadline)
         self._update_buttons()
 
     def _enter_horizon(self, event: ValueChangeEventArguments[Any]) -> None:
@@ -247,7 +244,20 @@ class StudyView:
 
     # -- updates
 
+    def _name_question(self) -> None:
+        """Say on the button and beside it what is tried. It hangs on prices of the form, too."""
+        scenario = self._drafted()
+        if not self._settings.has_deadline:
+            question, hint = HOW_MANY, HINT
+        elif scenario is None or self._settings.compares_pickers(scenario):
+            question, hint = WHICH_FLEET, HINT_OF_FLEETS
+        else:
+            question, hint = HOW_MANY, HINT_OF_OWN_PEOPLE
+        self._buttons.name(question)
+        self._hint.set_text(hint)
+
     def _update_buttons(self) -> None:
+        self._name_question()
         study = self._studies.command
         self._buttons.update(not self._settings.problem)
         self._badge.set_visibility(study is not None)

@@ -13,9 +13,9 @@ TRAILERS = StudySettings(compared="load_out.trailers.count", compared_values="1 
 SPACING = StudySettings(compared="row_width", compared_values="4,5; 5")
 
 
-def options(settings, folder):
+def options(settings, folder, scenario=HAUL):
     """Return what is compared in the command, after the scenario's file."""
-    words = study_command(settings, Files(folder, "study"))
+    words = study_command(scenario, settings, Files(folder, "study"))
     return words[words.index("study") + 2 : words.index("--budget")]
 
 
@@ -90,3 +90,29 @@ def test_nobody_is_away_in_the_long_run():
     assert "Horizon: nobody is away in the long run" in StudySettings().problem_with(away)
     assert StudySettings(horizon="harvest").problem_with(away) == ""
     assert StudySettings(deadline="8").problem_with(away) == ""
+
+
+@pytest.mark.parametrize(
+    ("prices", "varied"),
+    [
+        ({}, ["carriers", "pickers"]),
+        (dict(carrier_per_hour=14.0, picker_per_hour=28.0), ["carriers", "pickers"]),
+        (dict(carrier_per_hour=14.0), ["carriers"]),
+    ],
+)
+def test_people_without_a_price_keep_their_number(tmp_path, prices, varied):
+    """By a deadline, the most people would be the cheapest if only carriers had a price."""
+    grower = Scenario(rows=12, pickers=6, prices=prices)
+    asked = StudySettings(deadline="18")
+    assert asked.problem_with(grower) == ""
+    words = options(asked, tmp_path, grower)
+    assert [words[at + 1] for at, word in enumerate(words) if word == "--vary"] == varied
+
+
+def test_a_price_that_is_missing_is_told_by_its_label():
+    """Otherwise the command would refuse, in words of the command line."""
+    wage_alone = Scenario(rows=12, prices=dict(picker_per_hour=28.0))
+    assert StudySettings().problem_with(wage_alone).startswith("Price of a carrier: is compared")
+    carriers_alone = Scenario(rows=12, prices=dict(carrier_per_hour=14.0))
+    assert StudySettings().problem_with(carriers_alone) == ""
+    assert PEOPLE.problem_with(carriers_alone).startswith("Price of a picker: is compared")

@@ -5,6 +5,7 @@ import pytest
 from orchard.app.command import Files, fresh_files
 from orchard.app.harvest_run import RunSettings, command
 from orchard.app.study_run import StudySettings, study_command
+from orchard.field.scenario import Scenario
 
 # Settings of mode, speed and duration as they are typed; field -> words of the message there.
 WRONG_PACES = [
@@ -63,7 +64,7 @@ def test_two_runs_of_a_second_have_files_of_their_own(tmp_path):
 
 def test_the_page_asks_as_a_user_would_type_it(tmp_path):
     settings = StudySettings(dispatch=("nearest", "predictive"), horizon="harvest")
-    command_line = study_command(settings, Files(tmp_path, "study"))
+    command_line = study_command(Scenario(), settings, Files(tmp_path, "study"))
     words = command_line[command_line.index("study") : command_line.index("--progress")]
     # words[1] is the scenario's file.
     assert words[2:] == [

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from orchard.app.draft import Draft
 from orchard.app.farm_run import FarmSettings
 from orchard.app.harvest_run import RunSettings
+from orchard.app.replaced import Replaced
 from orchard.app.sensitivity_run import SensitivitySettings
 from orchard.app.study_run import StudySettings
 from orchard.field.scenario import Scenario
@@ -23,10 +24,8 @@ class Desk:
     study: StudySettings = field(default_factory=StudySettings)
     sensitivity: SensitivitySettings = field(default_factory=SensitivitySettings)
     farm: FarmSettings = field(default_factory=FarmSettings)
-    #: What was entered before a preset, a file or a link replaced it; None if nothing did.
-    replaced: Draft | None = None
-    #: The words for the button that brings it back.
-    undo: str = ""
+    #: What was entered before presets, files and links replaced it.
+    replaced: Replaced = field(default_factory=Replaced)
     #: None: as the browser prefers.
     dark: bool | None = None
 

@@ -46,7 +46,7 @@ LARGEST_UPLOAD = 10 * LARGEST_FILE
 LONGEST_NAME = 100
 NOT_OPENED = "This file was not opened"
 TOO_LARGE = "The file is too large for a scenario, or it is not a .yaml file."
-UNDO_LINK = "Undo the link"
+THE_LINK = "the link"
 NOT_ALL_UNDERSTOOD = "Not all of the link was understood"
 FIRST = (
     "Enter your rows, and ask how many carriers they need. Or press Run: "
@@ -127,8 +127,11 @@ class Page:
         return self.draft.scenario
 
     def _build_files(self) -> None:
-        # Its words change. Here no other button moves with them, from under a click.
-        self._undo_button = button("Undo", self._undo, "undo", "undo")
+        # Their place has a width of its own: no other button may move from under a click.
+        with ui.element("div").classes("undo-and-redo"):
+            self._undo_button = button("Undo", self._undo, "undo", "undo")
+            self._redo_button = button("", self._redo, "redo", "redo")
+            self._redo_button.props["aria-label"] = "Redo"
         for file, scenario in shipped().items():
             name = "default" if file == DEFAULT else file
             words = name.replace("_", " ").capitalize()
@@ -184,7 +187,7 @@ class Page:
         if unknown:
             complain(NOT_ALL_UNDERSTOOD, unknown)
         if linked is not None and is_news:
-            self._replace(linked, UNDO_LINK)
+            self._replace(linked, THE_LINK)
 
     def _ask_for(self, linked: Draft, unknown: list[str]) -> None:
         """Ask whether a link may replace what was entered.
@@ -201,7 +204,7 @@ class Page:
 
         def agree() -> None:
             question.close()
-            self._replace(linked, UNDO_LINK)
+            self._replace(linked, THE_LINK)
 
         with (
             dialog("Open the orchard of the link?", lines, "link-question") as question,
@@ -210,35 +213,47 @@ class Page:
             button("Keep what I entered", question.close, "keep-entries")
             button("Open the link", agree, "open-link", props="unelevated")
 
-    def _replace(self, draft: Draft, undo: str) -> None:
-        """Put another draft in place of what was entered.
-
-        `undo`: the words for the button that brings back what was entered.
-        """
-        replaced = copy(self.draft)
+    def _replace(self, draft: Draft, name: str) -> None:
+        """Put another draft in place of what was entered. `name`: of what it comes from."""
+        before = copy(self.draft)
         self.draft.become(draft)
-        if not self.draft.is_same(replaced):
-            self.desk.replaced = replaced
-            self.desk.undo = undo
-        self.form.show()
-        self._show_undo()
+        if not self.draft.is_same(before):
+            self.desk.replaced.replace(before, name)
+        self._show_replaced()
 
     def _take(self, scenario: Scenario, name: str) -> None:
         """Put a scenario in place of what was entered. `name`: of a preset, a file or a run."""
-        self._replace(Draft(scenario), f"Undo {name}")
+        self._replace(Draft(scenario), name)
 
     def _undo(self) -> None:
-        """Bring back what was replaced last."""
-        if self.desk.replaced is not None:
-            self._replace(self.desk.replaced, "Redo" if self.desk.undo != "Redo" else "Undo")
+        """Bring back what was replaced last. Another page of the browser may have done it."""
+        if self.desk.replaced.undoable:
+            self.draft.become(self.desk.replaced.undo(copy(self.draft)))
+            self._show_replaced()
+
+    def _redo(self) -> None:
+        """Bring back what was undone last."""
+        if self.desk.replaced.redoable:
+            self.draft.become(self.desk.replaced.redo(copy(self.draft)))
+            self._show_replaced()
+
+    def _show_replaced(self) -> None:
+        """Show what is entered now, and the buttons that bring something back."""
+        self.form.show()
+        self._show_undo()
 
     def _show_undo(self) -> None:
-        """Show the button if it brings something back, and say what."""
-        replaced = self.desk.replaced
-        self._undo_button.set_visibility(replaced is not None)
-        if replaced is not None:
-            self._undo_button.set_text(self.desk.undo)
-            self._undo_button.props["title"] = f"Bring back: {replaced.title}"
+        """Show each button if it brings something back, and say what."""
+        undoable = self.desk.replaced.undoable
+        self._undo_button.set_visibility(bool(undoable))
+        if undoable:
+            self._undo_button.set_text(f"Undo {undoable[-1].name}")
+            self._undo_button.props["title"] = f"Bring back: {undoable[-1].draft.title}"
+        redoable = self.desk.replaced.redoable
+        self._redo_button.set_visibility(bool(redoable))
+        if redoable:
+            self._redo_button.props["title"] = f"Redo {redoable[-1].name}"
+            self._redo_button.update()
 
     async def _open(self, event: events.UploadEventArguments) -> None:
         """Open a scenario file, or tell why it is not opened.

@@ -9,6 +9,8 @@ from orchard.field.scenario import Scenario, load
 
 skip_without_packages()
 
+LAPTOP = {"width": 1366, "height": 768, "deviceScaleFactor": 1, "mobile": False}
+
 
 def test_a_new_page_says_what_to_do_first(browser):
     assert "Enter your rows" in browser.view("first").text
@@ -45,10 +47,26 @@ def test_a_preset_can_be_undone(browser):
         lambda: browser.field("rows").get_attribute("value") == "9", "the rows before the preset"
     )
     assert browser.field("row_length").get_attribute("value") == "9O"
-    browser.press("undo")
+    browser.press("redo")
     browser.wait_until(
         lambda: browser.field("rows").get_attribute("value") == "26", "the preset again"
     )
+
+
+def test_no_preset_moves_when_undo_appears(browser):
+    """On a laptop the presets take two lines. A second click would hit another one."""
+    browser.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", LAPTOP)
+    try:
+        browser.click("[data-preset=hand_picking]")
+        browser.wait_until(lambda: browser.tree_lines() == 27, "the preset, of 26 rows")
+        preset = browser.one("[data-preset=hand_picking]")
+        with_undo = preset.rect
+        undo = browser.one("[data-action=undo]")
+        browser.driver.execute_script("arguments[0].style.display = 'none'", undo)
+        assert preset.rect == with_undo
+        browser.driver.execute_script("arguments[0].style.display = ''", undo)
+    finally:
+        browser.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
 def test_a_slider_moves_its_field(browser):

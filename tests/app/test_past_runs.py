@@ -130,7 +130,8 @@ def test_output_of_a_command_that_is_no_result_is_named(tmp_path, monkeypatch):
     deep = '{"study": {"none": ' + "[" * 100_000
     code = f"print({deep!r}); open({str(files.summary)!r}, 'w').write('{{\"answer\": NaN}}')"
     monkeypatch.setattr(
-        "orchard.app.study_run.study_command", lambda scenario, settings, files: [sys.executable, "-c", code]
+        "orchard.app.study_run.study_command",
+        lambda scenario, settings, files: [sys.executable, "-c", code],
     )
     study = StudyRun(Scenario(), StudySettings(), files)
     study._listener.join(PATIENCE)

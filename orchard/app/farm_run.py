@@ -9,7 +9,8 @@ from typing import Any
 import msgspec
 
 from orchard.app.command import Files, Latest, PageCommand
-from orchard.app.study_run import BUDGET, BUDGET_LABEL
+from orchard.app.page_words import BUDGET_LABEL
+from orchard.app.study_run import BUDGET
 from orchard.app.typed_numbers import number_of, number_problem, with_point
 from orchard.field.scenario import Scenario, to_yaml
 from orchard.study.farm import FarmResult

@@ -21,7 +21,7 @@ from orchard.app.farm_run import (
     FarmRun,
     Farms,
 )
-from orchard.app.study_run import BUDGET_LABEL
+from orchard.app.page_words import BUDGET_LABEL
 from orchard.app.typed_field import TypedField
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario

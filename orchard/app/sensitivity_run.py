@@ -8,9 +8,9 @@ import msgspec
 
 from orchard.app.command import Files, Latest, PageCommand
 from orchard.app.entries import MEASURES, entries, label_of
+from orchard.app.page_words import BUDGET_LABEL, with_labels
 from orchard.app.study_run import (
     BUDGET,
-    BUDGET_LABEL,
     HORIZON_LABEL,
     NO_FIRST_HOUR,
 )
@@ -168,8 +168,10 @@ class SensitivityRun(PageCommand):
         return None
 
     def finish(self) -> None:
-        """Read the answer."""
-        self.result = self.read(self.files.summary, SensitivityResult)
+        """Read the answer, in the words of the page."""
+        result = self.read(self.files.summary, SensitivityResult)
+        if result is not None:
+            self.result = with_labels(result)
 
     @property
     def is_complete(self) -> bool:

@@ -11,6 +11,7 @@ from nicegui.events import ValueChangeEventArguments
 from orchard.app.answer_view import INVALID, LOOK_SECONDS, AnswerView
 from orchard.app.desks import Desk
 from orchard.app.elements import button, labelled
+from orchard.app.page_words import BUDGET_LABEL
 from orchard.app.sensitivity_run import (
     FAR_LABEL,
     MOVED_LABEL,
@@ -18,7 +19,7 @@ from orchard.app.sensitivity_run import (
     SensitivityRun,
     movable,
 )
-from orchard.app.study_run import BUDGET_LABEL, HORIZON_LABEL
+from orchard.app.study_run import HORIZON_LABEL
 from orchard.app.study_view import HORIZONS
 from orchard.field.scenario import Scenario
 from orchard.study.sensitivity.result import SensitivityResult

@@ -14,6 +14,7 @@ from orchard.app.also_compared import (
 )
 from orchard.app.command import Files, Latest, PageCommand
 from orchard.app.entries import label_of
+from orchard.app.page_words import BUDGET_LABEL, DEADLINE_LABEL
 from orchard.app.typed_numbers import number_of, number_problem, span, with_point
 from orchard.field.scenario import Scenario
 from orchard.study.deadline import MOST_DAYS, MOST_DEADLINE
@@ -24,8 +25,6 @@ BUDGET = (1, 86_400)
 HOURS = (0.1, MOST_DEADLINE / 3600.0)
 DAYS = (1, MOST_DAYS)
 # What the fields are called.
-BUDGET_LABEL = "Time to take, s"
-DEADLINE_LABEL = "Done within"
 ONLY_FLEETS = "it compares people and carriers, and nothing else: leave these out"
 WHOLE_DAYS = f"must be a whole number of days from {span(DAYS)}"
 NO_DAY = "days need a working day: enter when work begins and ends, or ask by hours of work"

@@ -13,13 +13,8 @@ from orchard.app.command import STATE_COLOURS, PageCommand
 from orchard.app.desks import Desk
 from orchard.app.elements import StartAndStop, button, heading, labelled, note, several, table
 from orchard.app.own_classes import CHOICES
-from orchard.app.study_run import (
-    BUDGET_LABEL,
-    DEADLINE_LABEL,
-    HORIZON_LABEL,
-    Studies,
-    StudyRun,
-)
+from orchard.app.page_words import BUDGET_LABEL, DEADLINE_LABEL, in_page_words
+from orchard.app.study_run import HORIZON_LABEL, Studies, StudyRun
 from orchard.field.scenario import Scenario, check, with_changes
 from orchard.study.result import StudyResult
 from orchard.study.table import heads_and_lines, legend
@@ -288,7 +283,7 @@ class StudyView:
         headline, rest = answer_in_two(result.answer, ", " if result.deadline else ": ")
         self._headline.set_text(headline)
         self._answer.set_text(rest)
-        self._notes.set_text("\n".join(result.notes))
+        self._notes.set_text("\n".join(map(in_page_words, result.notes)))
         # The server gives None while it shuts down.
         self._picture.set_content(await run.io_bound(_picture_of, result) or "")
         self._table.clear()
@@ -348,7 +343,7 @@ def _without_answer(study: StudyRun, is_over: bool) -> str:
 
 def last_words(command: PageCommand) -> str:
     """Return what a command without an answer has printed last."""
-    last = "\n".join(command.output.lines[-LAST_WORDS:])
+    last = "\n".join(map(in_page_words, command.output.lines[-LAST_WORDS:]))
     return f"There is no answer. The last messages:\n{last}"
 
 

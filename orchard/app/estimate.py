@@ -10,6 +10,7 @@ from orchard.discrete.harvest import DiscreteHarvest, Jam
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, with_changes
+from orchard.report.limits import full_bins
 from orchard.report.summary import clock
 from orchard.study.comparing import interval
 from orchard.study.words import counted, interval_words
@@ -28,7 +29,10 @@ LOOK_SECONDS = 0.1
 
 @dataclass(frozen=True)
 class FastHarvest:
-    """One harvest: bins an hour, and its length, s. `fault`: why there is none, in words."""
+    """One harvest: full bins an hour, as a run and a study count them, and its length, s.
+
+    `fault`: why there is none, in words.
+    """
 
     bins_per_hour: float = 0.0
     seconds: float = 0.0
@@ -43,7 +47,8 @@ def harvest(scenario: Scenario, number: int) -> FastHarvest:
         figures = DiscreteHarvest(layout).run().figures()
     except (Jam, PolicyFault, ScenarioError, ValueError, NotImplementedError) as error:
         return FastHarvest(fault=str(error))
-    return FastHarvest(figures.bins_per_hour, figures.sim_seconds)
+    # The last bin of a row may be part full.
+    return FastHarvest(3600.0 * full_bins(layout) / figures.sim_seconds, figures.sim_seconds)
 
 
 @dataclass

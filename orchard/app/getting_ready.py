@@ -4,16 +4,20 @@ from collections.abc import Sequence
 
 from orchard.sim.kernels.cache import COMPILING, kernels_folder
 
+# A run prints where its live picture is. The page shows that picture.
+PICTURE = "Live: "
+
 
 def getting_ready_words(lines: Sequence[str], compiled: int) -> str:
     """Return what a run has done so far, by its first and its last line.
 
     `lines`: that it has printed. `compiled`: number of parts that are compiled by now.
     """
+    told = [line for line in lines if not line.startswith(PICTURE)]
     # One part if both are the same line, and none without a line.
-    parts = [*dict.fromkeys([*lines[:1], *lines[-1:]])]
-    if any(COMPILING in line for line in lines):
-        parts.append(f"{compiled} parts are compiled")
+    parts = [*dict.fromkeys([*told[:1], *told[-1:]])]
+    if any(COMPILING in line for line in told):
+        parts.append(f"parts that are compiled: {compiled}")
     if not parts:
         return "starting"
     return f"starting: {'; '.join(parts)}"

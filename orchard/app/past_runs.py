@@ -16,7 +16,7 @@ from orchard.field.problems import ScenarioError
 from orchard.field.scenario import TIME_STEP, Scenario, check
 from orchard.folders import regular
 from orchard.report.metrics import SAMPLED
-from orchard.report.summary import Headline
+from orchard.report.summary import Headline, clock
 
 # Runs in the list.
 MOST = 200
@@ -78,7 +78,7 @@ class PastRun:
         """How and when it ended: 'harvest done at 7:02 min', 'cut short at 4:00 min'."""
         record = self.record
         how = "harvest done" if record.finished else ENDS.get(record.ended, CUT)
-        return f"{how} at {moment(record.sim_seconds)} min"
+        return f"{how} at {clock(record.sim_seconds)}"
 
     def figures_at(self, seconds: float) -> dict[str, str]:
         """Return the figures of its first `seconds`, with their units, by name.
@@ -108,8 +108,7 @@ class PastRun:
         record = self.record
         return {
             "Bins": f"{record.bins_delivered} of {record.bins}",
-            # Not hours: the list sorts by the first number.
-            "Simulated": f"{moment(record.sim_seconds)} min",
+            "Simulated": clock(record.sim_seconds),
             "Bins per hour": f"{record.bins_per_hour:.1f}",
             "Mean wait": f"{record.picker_waiting_seconds:.0f} s",
             "Carriers at work": f"{100 * record.carrier_utilisation:.0f} %",
@@ -162,7 +161,7 @@ def compared(runs: Sequence[PastRun]) -> SideBySide:
             words = ""
         return SideBySide(words, [past.figures for past in runs])
     seconds = min(past.record.sim_seconds for past in runs)
-    words = f"All are compared at {moment(seconds)} min, when the first of them ended."
+    words = f"All are compared at {clock(seconds)}, when the first of them ended."
     return SideBySide(words, [past.figures_at(seconds) for past in runs])
 
 

@@ -19,6 +19,7 @@ from orchard.app.entries import entries, flat
 from orchard.field.kinds import ROBOTS
 from orchard.field.layout import lay_out
 from orchard.field.scenario import TIME_STEP, Scenario
+from orchard.report.summary import clock
 from orchard.sim.snapshot import ticks_of
 
 # Some of what may change under way.
@@ -52,9 +53,12 @@ GoOn = Callable[[Scenario, Fork], Awaitable[None]]
 
 
 def moment(seconds: float) -> str:
-    """Return a moment as it is named on a time line: 2:30."""
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes}:{rest:02d}"
+    """Return a moment as it is named on a time line: 2:30, or 3:42:00 after hours.
+
+    >>> moment(150.0), moment(13_320.0)
+    ('2:30', '3:42:00')
+    """
+    return clock(seconds).partition(" ")[0]
 
 
 def what_if(

@@ -86,11 +86,13 @@ def test_two_whole_runs_are_compared_at_their_ends(runs):
 
 
 def test_how_each_run_ended_is_said(runs):
-    past = runs(a={}, b=CUT, c=CUT | {"ended": "jammed"})
+    long = {"sim_seconds": 26_631.0}
+    past = runs(a={}, b=CUT, c=CUT | {"ended": "jammed"}, d=long)
     assert [run.end for run in past] == [
         "harvest done at 6:40 min",
         "cut short at 4:00 min",
         "jammed at 4:00 min",
+        "harvest done at 7:23:51 h",
     ]
 
 

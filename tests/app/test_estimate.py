@@ -60,3 +60,10 @@ def test_what_the_fast_model_does_not_know_is_said(changes):
     estimate = FleetEstimate(scenario, [harvest(scenario, 0)])
     assert estimate.is_done
     assert "no estimate, because " in estimate.words()
+
+
+def test_an_estimate_counts_bins_as_a_run_does():
+    """The last bin of a row is part full: 3 rows of 70 m fill 4.2 bins of 50 m, in 6 bins."""
+    parts = Scenario(rows=3, carriers=1, metres_per_bin=50.0)
+    first = harvest(parts, 0)
+    assert first.bins_per_hour == pytest.approx(3600.0 * 4.2 / first.seconds)

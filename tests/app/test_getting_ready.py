@@ -8,13 +8,21 @@ def test_the_first_run_of_a_machine_says_what_is_compiled():
     """Of the lines that the run has printed, the first and the newest are shown."""
     lines = [COMPILING, "getting ready: 0:10 so far", "getting ready: 0:20 so far"]
     words = getting_ready_words(lines, 17)
-    assert words == f"starting: {COMPILING}; getting ready: 0:20 so far; 17 parts are compiled"
+    assert (
+        words == f"starting: {COMPILING}; getting ready: 0:20 so far; parts that are compiled: 17"
+    )
 
 
 def test_any_other_run_says_what_it_does():
     assert getting_ready_words([], 40) == "starting"
     assert getting_ready_words(["physics is up"], 40) == "starting: physics is up"
     assert getting_ready_words([*"abc"], 40) == "starting: a; c"
+
+
+def test_the_address_of_a_picture_is_no_news():
+    """The page shows the picture, so its address is nothing to read."""
+    lines = ["physics is up", "Live: http://127.0.0.1:54521/?url=rerun%2Bhttp"]
+    assert getting_ready_words(lines, 40) == "starting: physics is up"
 
 
 def test_parts_are_counted_while_they_are_compiled(tmp_path, monkeypatch):

@@ -147,8 +147,9 @@ class Control:
         finally:
             self._is_program_writing = False
 
-    def complain(self, problem: str) -> None:
-        """Show what is wrong with the value; '' if nothing is."""
+    def complain(self) -> None:
+        """Show what is wrong with the value in the draft, if anything."""
+        problem = self._draft.told.get(self.entry.path, "")
         self._problem.set_text(problem)
         mark_wrong(self.box, is_wrong=bool(problem))
 

@@ -83,6 +83,20 @@ class Draft:
         return self.scenario == Scenario()
 
     @property
+    def told(self) -> dict[str, str]:
+        """What to say at each field that has a problem, by path. Each problem is told once.
+
+        A rule about several fields is told at the one that it names first, and the others refer
+        to that.
+        """
+        told: dict[str, str] = {}
+        told_at: dict[str, str] = {}
+        for path, problem in self.problems.items():
+            first = told_at.setdefault(problem, path)
+            told[path] = problem if first == path else f"See “{label_of(first)}”."
+        return told
+
+    @property
     def title(self) -> str:
         """What is entered, in a line."""
         if self.scenario is None:

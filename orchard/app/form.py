@@ -170,7 +170,7 @@ class Form:
         draft = self._draft
         for path, control in self._controls.items():
             control.follow(draft.values[path])
-            control.complain(draft.problems.get(path, ""))
+            control.complain()
         self._mark_differences(running)
         if draft.scenario is not None:
             self._show_chosen(draft.scenario)

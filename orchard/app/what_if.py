@@ -87,8 +87,8 @@ def what_if(
             control.show_chosen(scenario.chosen[path])
 
     async def start() -> None:
-        for path, control in controls.items():
-            control.complain(draft.problems.get(path, ""))
+        for control in controls.values():
+            control.complain()
         if draft.scenario is not None:
             changes = [*_changes(scenario, draft), *(f"--stop={robot}" for robot in stop.value)]
             words = [str(snapshots), f"--at={time.value}", *changes]

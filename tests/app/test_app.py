@@ -102,10 +102,11 @@ def test_bad_values_are_explained_at_their_fields(browser):
     )
     browser.fill("people.workers", 48)
     browser.wait_until(
-        lambda: "at most 50 together" in browser.problem("people.visitors"),
+        lambda: "at most 50 together" in browser.problem("people.workers"),
         "people are too many together",
     )
     assert "48" in browser.problem("people.workers")
+    assert browser.problem("people.visitors") == "See “Workers”."
     assert "3 fields" in browser.view("trouble").text
     assert not browser.one("[data-action=run]").is_enabled()
     assert not browser.one("[data-action=save]").is_enabled()
@@ -156,10 +157,14 @@ def test_a_file_is_opened_changed_and_saved(browser, downloads, tmp_path):
     browser.fill("picking.failure.mean_between", 1800)
     browser.wait_until(lambda: not browser.problem("picking.failure.mean_between"), "all is well")
     browser.fill("picking.spread.cv", 0.6)
-    for path in ("picking.spread.cv", "picking.spread.distribution", "picking_speed"):
+    told = {
+        "picking_speed": "“Deviation of times” must be at most 0.5",
+        "picking.spread.distribution": "See “Picking speed”.",
+        "picking.spread.cv": "See “Picking speed”.",
+    }
+    for path, words in told.items():
         browser.wait_until(
-            lambda path=path: "“Deviation of times” must be at most 0.5" in browser.problem(path),
-            f"told at {path}",
+            lambda path=path, words=words: words in browser.problem(path), f"told at {path}"
         )
     browser.fill("picking.spread.cv", 0.5)
     browser.wait_until(lambda: not browser.problem("picking_speed"), "all is well again")

@@ -111,7 +111,7 @@ DAYS = StudySettings(deadline="2", deadline_unit="d")
     [(HOURS, ["--finish-within", "7.5h"]), (DAYS, ["--finish-by", "2d"])],
 )
 def test_a_deadline_opens_pickers_and_carriers(tmp_path, settings, option):
-    command_line = study_command(settings, Files(tmp_path, "study"))
+    command_line = study_command(Scenario(), settings, Files(tmp_path, "study"))
     # After the word `study` and the scenario's file.
     words = command_line[command_line.index("study") + 2 : command_line.index("--budget")]
     assert words == ["--vary", "carriers", "--vary", "pickers", *option]

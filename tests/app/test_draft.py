@@ -191,3 +191,13 @@ def test_the_title_of_a_scenario_names_what_is_not_the_default():
 def test_a_copy_of_a_draft_has_its_values():
     draft = Draft(Scenario(rows=7, agents={"picker": "a.B"}))
     assert copy(draft).values == draft.values
+
+
+def test_a_rule_about_several_fields_is_told_once():
+    """The other fields refer to the one that tells it. All of them are wrong."""
+    draft = Draft(Scenario())
+    draft.enter({"shift.begin": "7:00", "shift.end": "16:00", "shift.breaks": "6:00-6:30"})
+    told = draft.told
+    assert draft.problems.keys() == told.keys() == {"shift.begin", "shift.end", "shift.breaks"}
+    assert "the break from 06:00 to 06:30 must lie inside the day" in told["shift.breaks"]
+    assert told["shift.begin"] == told["shift.end"] == "See “Breaks”."

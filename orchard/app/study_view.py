@@ -9,6 +9,7 @@ from nicegui import run, ui
 from nicegui.events import ValueChangeEventArguments
 
 from orchard.app.also_compared import COMPARED_LABEL, comparable
+from orchard.app.changed_since import changed_settings, changed_values, changed_words
 from orchard.app.command import STATE_COLOURS, PageCommand
 from orchard.app.desks import Desk
 from orchard.app.elements import StartAndStop, button, heading, labelled, note, several, table
@@ -73,6 +74,7 @@ class StudyView:
                 self._build_deadline()
                 self._hint = ui.label(HINT).classes("study-hint")
             self._trouble = note("data-problem=study role=alert")
+            self._changed = note("data-view=study-changed role=status", "study-changed")
             with ui.element("div").props("data-view=answer role=status"):
                 self._headline = note("", "answer-headline")
                 self._answer = note("", "answer")
@@ -269,6 +271,7 @@ class StudyView:
         study = self._studies.command
         if study is None:
             return
+        self._changed.set_text(self._changed_since(study))
         # This is read before the result: once the study is over, its result is the last one.
         is_over = study.is_over
         result = study.result
@@ -289,6 +292,20 @@ class StudyView:
         self._table.clear()
         if is_over:
             self._show_table(result)
+
+    def _changed_since(self, study: StudyRun) -> str:
+        """Return what the user has changed since the study was asked; '' if nothing is."""
+        scenario = self._drafted()
+        if scenario is None:
+            return ""
+        varied = {"carriers"}
+        if study.settings.compares_pickers(study.scenario):
+            varied.add("pickers")
+        if study.result is not None and study.result.table:
+            varied.update(study.result.table[0].setting)
+        labels = changed_values(study.scenario, scenario, varied)
+        labels += changed_settings(study.settings, self._settings)
+        return changed_words(labels)
 
     def _show_no_answer(self, words: str) -> None:
         """Show why there is no answer yet, and nothing of the study before."""

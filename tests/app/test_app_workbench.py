@@ -401,4 +401,9 @@ def test_a_deadline_is_entered_and_the_fleet_is_told(browser):
     assert "finish in 0:" in answer
     assert "within 1 h of work" in answer
     assert violations(page) == []
+    page.fill("row_length", "71")
+    page.wait_until(
+        lambda: "Changed since this was asked: Row length." in page.view("study-changed").text,
+        "that the answer is of another question",
+    )
     page.fill("study-deadline", "")

@@ -15,6 +15,7 @@ from orchard.calibrate.structure import LogOrchard, orchard_of
 from orchard.calibrate.words import (
     HEADING,
     fitted_table,
+    parts_sentence,
     rates_sentence,
     scenario_text,
     tested_sentences,
@@ -61,6 +62,9 @@ def _calibrate(chosen: CalibrationOptions) -> None:
     fitted, test = _fit_and_test(evidence, chosen.confidence)
     print_line(_heading(evidence))
     console.print(fitted_table(fitted, chosen.confidence))
+    parts = parts_sentence(fitted)
+    if parts:
+        print_line(parts)
     if any(fitted.picking.rates):
         print_line(rates_sentence(fitted))
     for sentence in test:

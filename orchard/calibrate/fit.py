@@ -26,20 +26,15 @@ from orchard.calibrate.picking import (
     intervals_of,
     without_long_ones,
 )
+from orchard.calibrate.spreads import ALIKE, spread_values
 from orchard.field.layout import lay_out
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import NEAREST, Scenario, with_changes
-from orchard.field.scenario.sections import LEAST_CV, SPREADS, Carrying, Handling, Spread
+from orchard.field.scenario.sections import SPREADS, Carrying, Handling
 
 ROUNDS = 2
 # Harvests of the model in a round for the drives of carriers: they depend on the seed.
 SEEDS = 3
-# The distribution of what differs, if the scenario does not say one.
-USUAL_SPREAD = "lognormal"
-# The section `picking.spread` of a scenario in which nothing differs: the schema's defaults, with
-# the distribution "none". Its cv is the default too, because a scenario's file refuses any other
-# cv, which would have no effect.
-ALIKE = Spread().model_dump()
 
 
 @dataclass(frozen=True)
@@ -195,33 +190,9 @@ def _picking_values(base: Scenario, picking: PickingFit, notes: list[str]) -> di
     What the log does not tell is added to `notes`.
     """
     values = _rate_values(round(picking.rate.value, 4))
-    spreads = {
-        "picking.spread": (picking.between_rows, base.picking.spread, "rows"),
-        "picking.spread_of_pickers": (
-            picking.between_pickers,
-            base.picking.spread_of_pickers,
-            "pickers",
-        ),
-    }
-    if base.picking.spread_of_bins.distribution != "none":
-        # The difference of rows was measured on the same bins, so it has that of bins in it.
-        values["picking.spread_of_bins"] = ALIKE
-        notes.append(
-            "how bins of a row differ is not told apart from how rows differ:"
-            " picking.spread_of_bins.distribution is none"
-        )
-    for key, (spread, before, name) in spreads.items():
-        values[key] = ALIKE
-        if spread is None:
-            notes.append(f"how {name} differ is not told: the log names one at most")
-        elif spread.value < LEAST_CV:
-            notes.append(f"{name} do not differ for certain: {key}.distribution is none")
-        else:
-            distribution: str = before.distribution
-            if distribution == "none":
-                distribution = USUAL_SPREAD
-            values[key] = {"distribution": distribution, "cv": round(spread.value, 4)}
-    return values
+    # Not checked yet: the spreads of `base` may not do with this rate, and are replaced.
+    rated = base.model_copy(update=values)
+    return values | spread_values(rated, picking, notes)
 
 
 def _fit_driving(drives: BinDrives, scenario: Scenario, confidence: float) -> DrivingFit | None:

@@ -17,12 +17,12 @@ from scipy.stats import t as students_t
 
 from orchard.calibrate.bins import LoggedBin, LoggedBins, Silence
 from orchard.calibrate.estimates import RESAMPLES, SEED
-from orchard.calibrate.fit import ALIKE, Fit, driving_values
+from orchard.calibrate.fit import Fit, driving_values
 from orchard.calibrate.model_bins import first_model_bins
+from orchard.calibrate.spreads import ALIKE, drawn_spreads
 from orchard.calibrate.structure import FEWEST_PICKERS
 from orchard.field.kinds import name_of
 from orchard.field.scenario import Scenario, with_changes
-from orchard.field.scenario.sections import LEAST_CV
 
 # Runs of the model.
 RUNS = 20
@@ -138,11 +138,9 @@ def check_on_day(
     # Half of the interval, in standard deviations.
     deviations = float(students_t.ppf(0.5 + confidence / 2.0, RUNS - 1))
     predicted = fmean(rates)
-    # The standard deviation by single bins, bins/h: they differ on a day, and not in the model.
-    of_bins = predicted * (fitted.picking.between_bins or 0.0)
     # The variance of one day about the mean of RUNS runs, which is not exact either.
     of_runs = variance(rates) * (1.0 + 1.0 / RUNS)
-    half = deviations * math.sqrt(of_runs + of_bins**2 / len(of_day))
+    half = deviations * math.sqrt(of_runs)
     return LastDay(
         day=of_day[0].day,
         bins=len(of_day),
@@ -163,15 +161,9 @@ def _drawn(fitted: Fit, scenario: Scenario, names: Sequence[str], run: int) -> S
     picking = fitted.picking
     random = np.random.default_rng((SEED, run))
     resample = int(random.integers(RESAMPLES))
-    changes: dict[str, Any] = {
-        "seed": run + 1,
-        "picking_rate": picking.rate.of(resample),
-    }
-    cv = picking.between_rows.of(resample)
-    if cv < LEAST_CV:
-        changes["picking.spread"] = ALIKE
-    elif scenario.picking.spread.distribution != "none":
-        changes["picking.spread.cv"] = cv
+    rate = picking.rate.of(resample)
+    changes: dict[str, Any] = {"seed": run + 1, "picking_rate": rate}
+    changes |= drawn_spreads(scenario, picking, resample, rate)
     if fitted.driving is not None:
         changes |= driving_values(fitted.driving, resample)
     spread = 0.0

@@ -4,18 +4,27 @@ The picking time of a bin begins when the picker's bin before it is fetched, and
 full, less what the picker does meanwhile beside picking. The time of a row, the mean of its bins,
 is taken as the product of its picker's mean and of a factor of the row, which is 1 in the mean.
 
+A row of another day counts as another row, because a harvest of the model draws its rows anew. What
+differs has three parts: the bins of a row about the mean of their row, the rows about the mean of
+their picker, and the pickers. The variance of a mean has a share of the part below it, which is
+taken off: a row of n bins has 1/n of the variance of its bins.
+
 For the intervals the factors of rows are resampled, and the means of the pickers stay: an interval
-is for the pickers of this log. Shapes: r rows, p pickers, f factors.
+is for the pickers of this log. For the spread of bins whole rows are resampled. Shapes: r rows, p
+pickers, f factors, s rows of several bins.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import date
 from functools import cached_property
 from itertools import pairwise
 from statistics import fmean, median
 
 import numpy as np
+from scipy.stats import norm
+from scipy.stats import t as students_t
 
 from orchard.calibrate.bins import LoggedBin, Silence
 from orchard.calibrate.estimates import FittedValue, estimate
@@ -27,6 +36,9 @@ MOST_TIMES_THE_MEDIAN = 4.0
 LEAST_TIMES = 4
 # With fewer factors of rows nothing is fitted, because there would be no intervals.
 LEAST_FACTORS = 4
+# With fewer rows of several bins it is not told how bins of a row differ: with four rows of two
+# bins an interval of 95 % reaches from a half of the value to three times as much.
+LEAST_ROWS_OF_BINS = 6
 
 
 @dataclass(frozen=True)
@@ -39,6 +51,7 @@ class BinInterval:
 
     picker: str
     row: str
+    day: date
     seconds: float
     line: int
 
@@ -61,7 +74,8 @@ def intervals_of(bins: Sequence[LoggedBin], silences: Sequence[Silence] = ()) ->
                 continue
             if not is_silent(silences, after.day, begin, after.full):
                 seconds = after.full - begin
-                intervals.append(BinInterval(after.picker, after.row, seconds, after.line))
+                interval = BinInterval(after.picker, after.row, after.day, seconds, after.line)
+                intervals.append(interval)
     return intervals
 
 
@@ -112,14 +126,14 @@ class PickingTimes:
     """
 
     def __init__(self, intervals: Sequence[BinInterval], beside: float = 0.0) -> None:
-        # Picker and row -> the picking times of its bins, s.
-        rows: dict[tuple[str, str], list[float]] = {}
+        # Picker, row and day -> the picking times of its bins, s.
+        rows: dict[tuple[str, str, date], list[float]] = {}
         for number, interval in enumerate(intervals):
-            row = interval.row or f"bin {number}"
-            rows.setdefault((interval.picker, row), []).append(interval.seconds - beside)
-        self.pickers = sorted({picker for picker, _ in rows})
+            row = (interval.picker, interval.row or f"bin {number}", interval.day)
+            rows.setdefault(row, []).append(interval.seconds - beside)
+        self.pickers = sorted({picker for picker, *_ in rows})
         #: Of each row, (r,): the place of its picker in `pickers`, and its mean time, s.
-        self.picker_of = np.array([self.pickers.index(picker) for picker, _ in rows])
+        self.picker_of = np.array([self.pickers.index(picker) for picker, *_ in rows])
         self.times = np.array([fmean(seconds) for seconds in rows.values()])
         self._bins = [np.array(seconds) for seconds in rows.values()]
 
@@ -159,21 +173,54 @@ class PickingTimes:
         return np.concatenate(factors)
 
     @cached_property
-    def bins_variance(self) -> float:
-        """The variance of bins of one row, as a share of the row's mean; NaN: there is none."""
-        squares = 0.0
-        # Degrees of freedom: a row's mean takes one.
-        freedom = 0
+    def in_rows(self) -> tuple[np.ndarray, np.ndarray]:
+        """How bins differ in each row of several bins, (s,) each.
+
+        That is the sum of the squares of their differences from the row's mean, as shares of it;
+        and the degrees of freedom: a mean takes one.
+        """
+        squares = []
+        freedom = []
         for bins in self._bins:
-            squares += float(((bins / bins.mean() - 1.0) ** 2).sum())
-            freedom += len(bins) - 1
-        if not freedom:
+            if len(bins) > 1:
+                squares.append(float(((bins / bins.mean() - 1.0) ** 2).sum()))
+                freedom.append(len(bins) - 1.0)
+        return np.array(squares), np.array(freedom)
+
+    @property
+    def rows_of_bins(self) -> int:
+        """The number of rows of several bins."""
+        return len(self.in_rows[0])
+
+    def bins_variance_of(self, squares: np.ndarray, freedom: np.ndarray) -> np.ndarray:
+        """Return the variance of bins of one row, as a share of the row's mean, (...).
+
+        `squares`, `freedom`: of rows as `in_rows` has them, (..., s) each.
+        """
+        _, counted = self.in_rows
+        # The square of a mean of n bins is greater than that of the true mean, by 1/n of the
+        # variance. This is the mean of 1/n.
+        share_of_mean = float((counted / (counted + 1.0)).sum() / counted.sum())
+        shares = squares.sum(axis=-1) / freedom.sum(axis=-1)
+        variance: np.ndarray = shares * (1.0 + share_of_mean * shares)
+        return variance
+
+    @cached_property
+    def bins_variance(self) -> float:
+        """The variance of bins of one row, as a share of the row's mean.
+
+        NaN: there are too few rows of several bins to tell.
+        """
+        if self.rows_of_bins < LEAST_ROWS_OF_BINS:
             return math.nan
-        return squares / freedom
+        return float(self.bins_variance_of(*self.in_rows))
 
     @cached_property
     def _bins_in_rows(self) -> float:
-        """What chance in the bins of a row adds to the variance of rows: their mean varies too."""
+        """What chance in the bins of a row adds to the variance of rows: their mean varies too.
+
+        0 where `bins_variance` is not told: then it is part of the variance of rows.
+        """
         if math.isnan(self.bins_variance):
             return 0.0
         return self.bins_variance * fmean(1.0 / len(bins) for bins in self._bins)
@@ -218,17 +265,29 @@ class PickingTimes:
 class PickingFit:
     """How fast pickers pick, bins/h, and the coefficients of variation of what differs.
 
-    `between_bins` is None if no row has several bins, `between_pickers` if there is one picker.
+    `between_bins` is None if too few rows have several bins: then `between_rows` has their
+    differences in it. `between_pickers` is None if there is one picker.
     """
 
     rate: FittedValue
     between_rows: FittedValue
     between_pickers: FittedValue | None
-    between_bins: float | None
+    between_bins: FittedValue | None
     #: Picker -> its rate while it picks, bins/h.
     rates: dict[str, float]
     #: Times of bins that were used.
     count: int
+    #: Rows of a day in which a picker has several of these times.
+    rows_of_bins: int
+
+    @property
+    def spreads(self) -> dict[str, FittedValue | None]:
+        """The coefficients of variation by the keys of the section `picking` of a scenario."""
+        return {
+            "spread": self.between_rows,
+            "spread_of_pickers": self.between_pickers,
+            "spread_of_bins": self.between_bins,
+        }
 
 
 def fit_picking(times: PickingTimes, of_model: PickingTimes, confidence: float) -> PickingFit:
@@ -275,17 +334,42 @@ def fit_picking(times: PickingTimes, of_model: PickingTimes, confidence: float) 
         rate=estimate(3600.0 / float(times.means.mean()), samples, rate, confidence),
         between_rows=estimate(math.sqrt(max(0.0, of_rows)), samples, between_rows, confidence),
         between_pickers=pickers,
-        between_bins=_between_bins(times, of_model),
+        between_bins=_between_bins(times, of_model, confidence),
         rates=dict(zip(times.pickers, (3600.0 / times.means).tolist(), strict=True)),
         count=times.count,
+        rows_of_bins=times.rows_of_bins,
     )
 
 
-def _between_bins(times: PickingTimes, of_model: PickingTimes) -> float | None:
-    """Return the coefficient of variation of the bins of a row; None if no row has several."""
-    if math.isnan(times.bins_variance):
+def _between_bins(
+    times: PickingTimes, of_model: PickingTimes, confidence: float
+) -> FittedValue | None:
+    """Return the coefficient of variation of the bins of a row; None if too few rows have several.
+
+    The variance of a resample lies about that of the log as that of the log lies about the true
+    one, as a ratio. So each is turned over: a resample of half the variance stands for a true one
+    of twice as much. Few rows vary less than their kind, so the ratios are widened as Student's t
+    is wider than the normal distribution. In made samples of 5 to 78 rows intervals of 95 % held
+    the truth in 85 to 96 % for deviations up to 30 %; plain percentiles held it in 71 to 95 %.
+    """
+    variance = times.bins_variance
+    if math.isnan(variance):
         return None
     bins_of_model = of_model.bins_variance
     if math.isnan(bins_of_model):
         bins_of_model = 0.0
-    return math.sqrt(max(0.0, times.bins_variance - bins_of_model))
+    tail = 0.5 + confidence / 2.0
+    widening = float(students_t.ppf(tail, times.rows_of_bins - 1) / norm.ppf(tail))
+
+    def between_bins(squares: np.ndarray, freedom: np.ndarray, axis: int = -1) -> np.ndarray:
+        """Return the coefficients of variation, (...), of resampled rows, (..., s) each."""
+        drawn = times.bins_variance_of(squares, freedom)
+        # A resample of rows without any difference says nothing: its ratio is 1.
+        equal = np.ones(np.shape(drawn))
+        ratios = np.divide(variance, drawn, out=equal, where=drawn > 0.0)
+        true_ones = variance * ratios**widening
+        spreads: np.ndarray = np.sqrt(np.maximum(0.0, true_ones - bins_of_model))
+        return spreads
+
+    value = math.sqrt(max(0.0, variance - bins_of_model))
+    return estimate(value, times.in_rows, between_bins, confidence)

@@ -1,5 +1,6 @@
 """What a calibration prints: the table of what was fitted, the test, and the scenario's file."""
 
+import math
 from collections.abc import Iterator
 
 from rich.table import Table
@@ -7,6 +8,7 @@ from rich.table import Table
 from orchard.calibrate.estimates import FittedValue
 from orchard.calibrate.fit import Fit
 from orchard.calibrate.last_day import LastDay
+from orchard.calibrate.spreads import WHAT_DIFFERS
 from orchard.field.problems import printable
 from orchard.field.scenario import to_short_yaml
 from orchard.terminal.output import table
@@ -27,7 +29,8 @@ def fitted_table(fitted: Fit, confidence: float) -> Table:
         cells = _cells(picking.between_pickers, 100.0)
         shown.add_row("pickers differ by, %", *cells, "picking.spread_of_pickers.cv")
     if picking.between_bins is not None:
-        shown.add_row("bins of a row differ by, %", f"{100.0 * picking.between_bins:.3g}", "", "-")
+        cells = _cells(picking.between_bins, 100.0)
+        shown.add_row("bins of a row differ by, %", *cells, "picking.spread_of_bins.cv")
     driving = fitted.driving
     if driving is not None and driving.speed is not None:
         shown.add_row("speed of carriers, m/s", *_cells(driving.speed), "carrying.speed")
@@ -41,6 +44,28 @@ def _cells(estimate: FittedValue, scale: float = 1.0) -> tuple[str, str]:
     low = f"{scale * estimate.low:.3g}"
     high = f"{scale * estimate.high:.3g}"
     return f"{scale * estimate.value:.3g}", f"{low} to {high}"
+
+
+def parts_sentence(fitted: Fit) -> str:
+    """Return how much of what differs is of pickers, of rows and of bins: "" if a part is unknown.
+
+    The parts are shares of the variance of a bin's time. The deviation of the whole is the root of
+    the sum of their squares.
+    """
+    squares = {}
+    for key, of_log in fitted.picking.spreads.items():
+        if of_log is None:
+            return ""
+        squares[WHAT_DIFFERS[key]] = of_log.value**2
+    whole = sum(squares.values())
+    if whole <= 0.0:
+        return ""
+    in_order = sorted(squares.items(), key=lambda item: -item[1])
+    shares = [f"{what} {100.0 * square / whole:.0f} %" for what, square in in_order]
+    return (
+        f"times of bins differ by {100.0 * math.sqrt(whole):.3g} % in all; shares of the variance:"
+        f" {', '.join(shares)}"
+    )
 
 
 def rates_sentence(fitted: Fit) -> str:

@@ -13,7 +13,13 @@ from orchard.field.scenario import Scenario
 from orchard.plans.routes import route_of
 from orchard.study.options import StudyOptions
 from orchard.study.result import Models
-from orchard.study.settings import Setting, have_prices, numbered, settings_of
+from orchard.study.settings import (
+    Setting,
+    have_prices,
+    is_of_several_values,
+    numbered,
+    settings_of,
+)
 
 _NO_PRICES = "needs a price: picker_per_hour, carrier_per_hour, overhead_per_hour or per_bin"
 _FREE = (
@@ -44,6 +50,24 @@ def checked_settings(
     problems += _price_problems(asked, options)
     problems += _plugin_problems(asked, options.model)
     return settings, problems
+
+
+def refused_and_left_out(
+    settings: Sequence[Setting], problems: Sequence[Problem]
+) -> tuple[list[Problem], list[Problem]]:
+    """Return for which problems a study is refused, and for which it leaves out single settings.
+
+    A setting is left out if values are wrong together, as a truck that holds more bins than there
+    are, and if other settings are possible. `settings`, `problems`: as of `checked_settings`.
+    """
+    refused = []
+    left_out = []
+    for problem in problems:
+        if settings and is_of_several_values(problem):
+            left_out.append(problem)
+        else:
+            refused.append(problem)
+    return refused, left_out
 
 
 def _option_problems(settings: Sequence[Setting], options: StudyOptions) -> list[Problem]:

@@ -250,6 +250,26 @@ def settings_of(
     return settings, faults.problems()
 
 
+def is_of_several_values(problem: Problem) -> bool:
+    """Whether a problem of a setting is one of values together, of which each alone may be right."""
+    return ", " in problem.path
+
+
+def impossible_settings(
+    settings: Sequence[Setting], varied: Mapping[str, Sequence[Any]]
+) -> list[Setting]:
+    """Return the combinations of values that are not among the settings, without their scenario's
+    own values.
+    """
+    possible = [setting.values for setting in settings]
+    impossible = []
+    for values in product(*varied.values()):
+        setting = dict(zip(varied, values, strict=True))
+        if setting not in possible:
+            impossible.append(Setting(setting, Scenario()))
+    return impossible
+
+
 class _Faults:
     """What is wrong with settings: each fault once, with some of the values that have it."""
 

@@ -14,7 +14,7 @@ from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.report.bounds import proven_seconds
-from orchard.study.checking import checked_settings
+from orchard.study.checking import checked_settings, refused_and_left_out
 from orchard.study.comparing import LOOKS, Comparison, interval
 from orchard.study.findings import Findings
 from orchard.study.options import StudyOptions
@@ -51,8 +51,9 @@ def study(
     StoreFailed if runs cannot be done or kept.
     """
     settings, problems = checked_settings(scenario, varied, options)
-    if problems:
-        raise ScenarioError(problems)
+    refused, left_out = refused_and_left_out(settings, problems)
+    if refused:
+        raise ScenarioError(refused)
     if options.model != "full":
         get_ready([scenario])
     question = Question(
@@ -61,6 +62,7 @@ def study(
         settings=settings,
         options=options,
         is_open=is_open(varied),
+        left_out=left_out,
     )
     if options.scheduler:
         started = scheduled(options.scheduler)

@@ -17,7 +17,7 @@ from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.report.summary import write_summary
 from orchard.study.asking import problems_of_files, read_scenario
-from orchard.study.checking import checked_settings
+from orchard.study.checking import checked_settings, refused_and_left_out
 from orchard.study.command_options import StudyArguments
 from orchard.study.farm_command import run_farm
 from orchard.study.farm_file import is_farm
@@ -109,7 +109,8 @@ def _question(chosen: StudyArguments) -> tuple[Scenario, Varied]:
     words = chosen.vary or [CARRIERS]
     if chosen.deadline is None:
         varied, of_words = varied_of(words, (CARRIERS,))
-        of_settings = checked_settings(scenario, varied, options)[1]
+        settings, of_study = checked_settings(scenario, varied, options)
+        of_settings, _ = refused_and_left_out(settings, of_study)
     else:
         varied, of_words = varied_of(words, OF_FLEETS)
         of_settings = finish_problems(scenario, varied, chosen.deadline, options)

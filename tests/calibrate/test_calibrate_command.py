@@ -30,11 +30,15 @@ BASE = Scenario(
 def folder(tmp_path_factory) -> Path:
     """Return a folder with a log of two days at 4 bins an hour, and the scenario beside it.
 
-    Picking times spread by 15 %. The names are those of the command in docs/how-to.md.
+    Picking times of rows spread by 15 %, and those of bins by 20 %. The names are those of the
+    command in docs/how-to.md.
     """
     data = tmp_path_factory.mktemp("calibrate")
-    spread = {"spread": {"distribution": "lognormal", "cv": 0.15}}
-    truth = with_changes(BASE, picking_rate=4.0, picking=spread)
+    spreads = {
+        "spread": {"distribution": "lognormal", "cv": 0.15},
+        "spread_of_bins": {"distribution": "lognormal", "cv": 0.2},
+    }
+    truth = with_changes(BASE, picking_rate=4.0, picking=spreads)
     bins = []
     for day in range(2):
         for bin_ in model_bins(with_changes(truth, seed=day + 1)):
@@ -58,6 +62,12 @@ def test_the_documented_command_gives_a_tested_rate(folder):
     assert scenario.pickers == 3
     assert scenario.carriers == 2
     assert f"{scenario.picking_rate:.3g}" in out
+    bins = scenario.picking.spread_of_bins
+    assert bins.cv == pytest.approx(0.2, rel=0.5)
+    (row,) = [line for line in out.splitlines() if line.startswith("bins of a row differ by")]
+    assert f" {100.0 * bins.cv:.3g} " in row
+    assert row.rstrip().endswith("picking.spread_of_bins.cv")
+    assert "shares of the variance: " in out
     # A scenario of this command may be replaced, and no other file.
     assert orchard(*words, folder=folder).stdout == out
     text = (folder / "rent.yaml").read_text()

@@ -4,23 +4,22 @@ Rates are bins an hour of a picker. Deviations are shares of the mean (coefficie
 An interval has `low` and `high`.
 """
 
-import math
 from dataclasses import replace
 from datetime import date, timedelta
 
 import numpy as np
 import pytest
 from made_logs import log_text, simulated_bins
-from scipy.stats import t as students_t
 
 from orchard.calibrate.bins import LoggedBin, LoggedBins, Silence, bins_of
 from orchard.calibrate.driving import BinDrives, drives_of, fit_driving
 from orchard.calibrate.fit import fit
-from orchard.calibrate.last_day import RUNS, check_on_day, rate_of, split_last_day, why_untested
+from orchard.calibrate.last_day import check_on_day, rate_of, split_last_day, why_untested
 from orchard.calibrate.log_lines import BinLog, read_log
 from orchard.calibrate.model_bins import model_bins
 from orchard.calibrate.picking import intervals_of, without_long_ones
 from orchard.calibrate.structure import orchard_of
+from orchard.field.kinds import name_of
 from orchard.field.picking import picker_speed_of
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, WorkShift, with_changes
@@ -49,9 +48,17 @@ def log_of(truth: Scenario, days: int = 1) -> list[LoggedBin]:
     return bins
 
 
+def picker_seconds(truth: Scenario) -> np.ndarray:
+    """Return the mean time of a bin of each picker, (p,) s."""
+    speeds = []
+    for number in range(1, truth.pickers + 1):
+        speeds.append(picker_speed_of(truth, name_of("picker", number)))
+    return truth.chosen["metres_per_bin"] / np.array(speeds)
+
+
 @pytest.mark.parametrize("seed", range(1, 5))
 def test_known_rates_come_back_within_their_intervals(seed):
-    """The rate, both spreads, the speed of carriers and the time to unload are drawn at random, and
+    """The rate, the spreads, the speed of carriers and the time to unload are drawn at random, and
     a harvest of the event model with them is logged.
     """
     draw = np.random.default_rng(seed)
@@ -62,25 +69,26 @@ def test_known_rates_come_back_within_their_intervals(seed):
         picking={
             "spread": {"distribution": "lognormal", "cv": float(draw.uniform(0.1, 0.3))},
             "spread_of_pickers": {"distribution": "gamma", "cv": float(draw.uniform(0.05, 0.25))},
+            "spread_of_bins": {"distribution": "gamma", "cv": float(draw.uniform(0.1, 0.3))},
         },
         **{
             "carrying.speed": float(draw.uniform(0.8, 1.8)),
             "handling.unloading": round(float(draw.uniform(10.0, 60.0)), 1),
         },
     )
-    # Intervals of 99 %: those of six values in four draws should all have the truth in them.
+    # Intervals of 99 %: those of seven values in four draws should all have the truth in them.
     fitted = fit(LoggedBins(log_of(truth), [], []), KNOWN, True, "log.csv", 0.99)
 
     # The rate is the inverse of the mean time of a bin, and pickers spread around that time.
-    metres = truth.chosen["metres_per_bin"]
-    speeds = [picker_speed_of(truth, f"picker_{number:02d}") for number in range(1, 9)]
-    seconds = metres / np.array(speeds)
+    seconds = picker_seconds(truth)
     picking = fitted.picking
     assert picking.rate.low <= 3600.0 / seconds.mean() <= picking.rate.high
     rows = picking.between_rows
     assert rows.low <= truth.picking.spread.cv <= rows.high
     pickers = picking.between_pickers
     assert pickers.low <= seconds.std(ddof=1) / seconds.mean() <= pickers.high
+    bins = picking.between_bins
+    assert bins.low <= truth.picking.spread_of_bins.cv <= bins.high
     driving = fitted.driving
     assert driving.speed.low <= truth.carrying.speed <= driving.speed.high
     assert driving.unloading.low <= truth.handling.unloading <= driving.unloading.high
@@ -132,17 +140,6 @@ def test_a_last_day_of_the_same_kind_is_as_predicted():
     assert tested.is_as_predicted
     # And the interval says something: it is narrower than half of the rate.
     assert tested.high - tested.low < 0.5 * tested.logged
-
-    # If bins differed more, the interval would be wider by that, divided by the root of their
-    # number.
-    # Two independent parts of an interval add up as squares.
-    unlike = replace(fitted, picking=replace(fitted.picking, between_bins=0.4))
-    wider = check_on_day(unlike, of_day, [], 0.95, lambda runs: None)
-    width = students_t.ppf(0.975, RUNS - 1)
-    more = 0.4**2 - fitted.picking.between_bins**2
-    by_bins = width * tested.predicted * math.sqrt(more / len(of_day))
-    by_runs = tested.high - tested.predicted
-    assert wider.high - wider.predicted == pytest.approx(math.hypot(by_runs, by_bins))
 
     # A day at half the rate is not as predicted.
     slower = [
@@ -363,13 +360,122 @@ def test_rows_that_are_picked_each_day_are_no_longer_for_it():
     assert base.bins_per_row == 5.0
 
 
-def test_a_spread_of_bins_is_not_counted_twice():
-    """What a log tells of rows has the difference of their bins in it. So a fit leaves no spread of
-    bins, and says so.
-    """
-    spread = {"distribution": "gamma", "cv": 0.3}
-    base = with_changes(KNOWN, picking_rate=2.0, **{"picking.spread_of_bins": spread})
-    logged = log_of(with_changes(KNOWN, picking_rate=2.0))
-    fitted = fit(LoggedBins(logged, [], []), base, False, "log.csv")
+def spread(cv: float, distribution: str = "lognormal") -> dict:
+    """Return a spread of a scenario."""
+    return {"distribution": distribution, "cv": cv}
+
+
+def test_a_spread_of_bins_is_written_with_its_distribution():
+    """The user's scenario says gamma, and another deviation than the log."""
+    base = with_changes(KNOWN, picking_rate=2.0, picking={"spread_of_bins": spread(0.5, "gamma")})
+    truth = with_changes(KNOWN, picking_rate=2.0, picking={"spread_of_bins": spread(0.2)})
+    fitted = fit(LoggedBins(log_of(truth), [], []), base, False, "log.csv")
+    written = fitted.scenario.picking.spread_of_bins
+    assert written.distribution == "gamma"
+    assert written.cv == pytest.approx(fitted.picking.between_bins.value, abs=1e-4)
+    assert written.cv == pytest.approx(0.2, rel=0.2)
+
+
+def test_bins_that_are_alike_get_no_spread():
+    base = with_changes(KNOWN, picking_rate=2.0, picking={"spread_of_bins": spread(0.3)})
+    truth = with_changes(KNOWN, picking_rate=2.0, picking={"spread": spread(0.2)})
+    fitted = fit(LoggedBins(log_of(truth), [], []), base, False, "log.csv")
     assert fitted.scenario.picking.spread_of_bins.distribution == "none"
-    assert any("bins of a row" in note for note in fitted.notes)
+    assert any("bins of a row do not differ for certain" in note for note in fitted.notes)
+
+
+def test_a_row_on_another_day_counts_as_another_row():
+    """Each harvest draws its rows anew, and their bins are alike."""
+    truth = with_changes(KNOWN, picking_rate=2.0, seed=5, picking={"spread": spread(0.2)})
+    picking = fit(LoggedBins(log_of(truth, days=3), [], []), KNOWN, False, "log.csv").picking
+    assert picking.between_bins.high < 0.01
+    assert picking.between_rows.low <= 0.2 <= picking.between_rows.high
+
+
+@pytest.mark.parametrize("rows", [0, 5])
+def test_too_few_rows_of_bins_leave_their_spread_untold(rows):
+    """Of the rows of a log `rows` have a name. In the others a bin counts as a row of its own."""
+    truth = with_changes(KNOWN, picking_rate=2.0, picking={"spread_of_bins": spread(0.3)})
+    named = {str(row) for row in range(1, rows + 1)}
+    bins = []
+    for bin_ in log_of(truth):
+        row = bin_.row
+        if row not in named:
+            row = ""
+        bins.append(replace(bin_, row=row))
+    base = with_changes(KNOWN, picking_rate=2.0, picking={"spread_of_bins": spread(0.3)})
+    fitted = fit(LoggedBins(bins, [], []), base, False, "log.csv")
+    assert fitted.picking.between_bins is None
+    assert fitted.scenario.picking.spread_of_bins.distribution == "none"
+    assert (
+        f"how bins of a row differ is not told: {rows} rows of a day have two picking times or"
+        " more, and it takes 6; so it is part of how rows differ"
+    ) in fitted.notes
+    # Each bin counts as a row, so rows differ as bins do.
+    rows_differ = fitted.picking.between_rows
+    assert rows_differ.low <= 0.3 <= rows_differ.high
+
+
+def test_a_spread_that_no_scenario_can_have_is_told():
+    """A uniform time differs by at most 57.7 % of its mean."""
+    base = with_changes(KNOWN, picking_rate=2.0, picking={"spread_of_bins": spread(0.3, "uniform")})
+    truth = with_changes(KNOWN, picking_rate=2.0, picking={"spread_of_bins": spread(0.8)})
+    fitted = fit(LoggedBins(log_of(truth), [], []), base, False, "log.csv")
+    assert fitted.picking.between_bins.value > 0.6
+    assert 0.55 < fitted.scenario.picking.spread_of_bins.cv < 0.577
+    told = f"picking.spread_of_bins.cv would be {fitted.picking.between_bins.value:.3g}, which is"
+    assert any(told in note for note in fitted.notes)
+
+
+def test_the_last_day_is_predicted_with_unlike_bins():
+    """Where bins differ more, a day of them is less certain. Pickers are alike, so that they end
+    their rows together, as they do in the log of a day on which they go on.
+    """
+    base = with_changes(KNOWN, rows=12, pickers=4)
+    widths = []
+    for cv in (0.05, 0.6):
+        picking = {"spread_of_bins": spread(cv, "gamma")}
+        truth = with_changes(base, picking_rate=2.0, picking=picking)
+        earlier, of_day = split_last_day(LoggedBins(log_of(truth, days=3), [], []))
+        fitted = fit(earlier, base, False, "log.csv")
+        tested = check_on_day(fitted, of_day, [], 0.95, lambda runs: None)
+        assert tested.is_as_predicted
+        widths.append(tested.high - tested.low)
+    assert widths[1] > 1.5 * widths[0]
+
+
+# Orchards, the spreads of rows, pickers and bins, and the days of a log.
+CREWS = [
+    (KNOWN, (0.2, 0.15, 0.2), 1),
+    (KNOWN, (0.1, 0.1, 0.4), 1),
+    (with_changes(KNOWN, bins_per_row=5.5), (0.2, 0.15, 0.25), 1),
+    (with_changes(KNOWN, rows=12, pickers=4, bins_per_row=3.0), (0.15, 0.0, 0.15), 2),
+    (with_changes(KNOWN, rows=40, bins_per_row=2.0), (0.2, 0.0, 0.25), 2),
+]
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(("base", "spreads", "days"), CREWS)
+def test_soak_intervals_hold_the_truth_as_often_as_they_say(base, spreads, days):
+    """In 60 made logs intervals of 95 % should hold the truth 57 times. They do so a little more
+    rarely, because there are few rows: 48 times at least. `-s` prints how often.
+    """
+    logs = 60
+    keys = ("spread", "spread_of_pickers", "spread_of_bins")
+    drawn = {}
+    for key, cv in zip(keys, spreads, strict=True):
+        if cv:
+            drawn[key] = spread(cv)
+    held = dict.fromkeys(("picking_rate", *keys), 0)
+    for seed in range(logs):
+        truth = with_changes(base, picking_rate=2.0, seed=10 * seed + 1, picking=drawn)
+        picking = fit(LoggedBins(log_of(truth, days), [], []), base, False, "log.csv").picking
+        seconds = picker_seconds(truth)
+        true_values = dict(zip(keys, spreads, strict=True))
+        # These intervals are of the pickers that there are.
+        true_values["picking_rate"] = 3600.0 / seconds.mean()
+        true_values["spread_of_pickers"] = seconds.std(ddof=1) / seconds.mean()
+        for key, fitted in {"picking_rate": picking.rate, **picking.spreads}.items():
+            held[key] += fitted.low <= true_values[key] <= fitted.high
+    print(spreads, held)
+    assert min(held.values()) >= 48

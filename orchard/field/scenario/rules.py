@@ -178,13 +178,17 @@ class Scenario(Values):
         for key, spread in self.picking.spreads.items():
             self._demand_a_spread_that_can_be(f"picking.{key}", spread)
 
+    def widest_cv(self, distribution: str) -> float:
+        """Return the greatest cv that a spread of a distribution can have at the picking speed."""
+        # The second factor is the share of a row's mean time that can vary.
+        return WIDEST[distribution] * (1.0 - self.mean_picking_speed / self.top_picking_speed)
+
     def _demand_a_spread_that_can_be(self, path: str, spread: Spread) -> None:
         """Check that a spread leaves the time to drive along a row. `path`: of the spread."""
         if spread.distribution == "none":
             return
         top = self.top_picking_speed
-        # The second factor is the share of a row's mean time that can vary.
-        most = WIDEST[spread.distribution] * (1.0 - self.mean_picking_speed / top)
+        most = self.widest_cv(spread.distribution)
         if most >= LEAST_CV:
             # Rounded down, because it is shown: the shown cv must be allowed.
             wanted = f"cv must be at most {math.floor(most * 1e6) / 1e6:g}"

@@ -451,7 +451,8 @@ class LoadOut(Section):
         for key, bins in (("truck.bins", self.truck.bins), ("trailers.bins", self.trailers.bins)):
             self._demand(
                 bins is None or bins <= self.empty_bins,
-                "never fills: must be at most empty_bins, all bins that stand at the bay",
+                "never fills: must be at most empty_bins, all bins that stand at the bay; lower"
+                " it, or raise empty_bins",
                 key,
                 "empty_bins",
             )

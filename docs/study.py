@@ -203,10 +203,15 @@ carriers limit (`python examples/run_statistics.py`). A study does not use it: s
 compares have the same seeds, which takes most of that away already.
 
 A setting in which a harvest jams is left out, and named. So is one of which a run fails, as by an
-error in a policy: the exit code is 1. If all settings fail, there is no table. The [fast
-model](bounds.md#the-discrete-event-model) does all runs; it is compiled once for a machine, which
-takes some 40 s. With `--horizon harvest` the simulator
-checks the best two settings; `--model full` lets it do all, and agents of your own need that.
+error in a policy: the exit code is 1. If all settings fail, there is no table. With a deadline and
+of a farm it is the same. A sensitivity ends at the first run that fails, and names the values of
+that run, because all its runs have the same policy.
+
+The [fast model](bounds.md#the-discrete-event-model) does all runs; it is compiled once for a
+machine, which takes some 40 s. With `--horizon harvest` the simulator checks the best two settings;
+`--model full` lets it do all, and agents of your own need that. A setting that fails in the
+simulator only stays in the table, and the answer says that it is not checked. The exit code is 1,
+too.
 
 ## Other questions
 

@@ -56,7 +56,7 @@ def _chosen_words(result: StudyResult) -> str:
     parts = [
         f"{_best_words(best, result)}: {_figures(best, result)}",
         _optimum(best),
-        _failed(result),
+        failed_words(result.failed),
         _not_run(result),
         _end(result),
         _alike(result),
@@ -92,7 +92,7 @@ def _given_words(result: StudyResult) -> str:
     parts = [
         *answers,
         f"{keys} {_is_or_are(result.given)} given and not chosen, so {consequence}",
-        _failed(result),
+        failed_words(result.failed),
         _not_run(result),
         _end(result),
         _undecided_choices(result),
@@ -162,7 +162,11 @@ def _all_jammed(result: StudyResult) -> str:
         settings = setting_words(result.table[0].setting)
     else:
         settings = f"All {len(result.table)} settings"
-    parts = [f"{settings} jammed: some robots waited for ever", _failed(result), _not_run(result)]
+    parts = [
+        f"{settings} jammed: some robots waited for ever",
+        failed_words(result.failed),
+        _not_run(result),
+    ]
     return f"{'; '.join(filter(None, parts))}."
 
 
@@ -190,14 +194,14 @@ def _best_words(best: Row, result: StudyResult) -> str:
     return words[0].upper() + words[1:]
 
 
-def _failed(result: StudyResult) -> str:
-    """Return which settings failed, by an error in the user's own code."""
-    if not result.failed:
+def failed_words(failed: Sequence[Mapping[str, Any]]) -> str:
+    """Return which settings failed, by an error in the user's own code; '' if none did."""
+    if not failed:
         return ""
-    first = _in_brackets(result.failed[0])
-    if len(result.failed) == 1:
+    first = _in_brackets(failed[0])
+    if len(failed) == 1:
         return f"{first} failed, and is left out"
-    return f"{len(result.failed)} settings failed, such as {first}, and are left out"
+    return f"{len(failed)} settings failed, such as {first}, and are left out"
 
 
 def _not_run(result: StudyResult) -> str:
@@ -388,7 +392,9 @@ def _listed(words: list[str]) -> str:
 
 
 def _checked(best: Row, result: StudyResult) -> str:
-    """Return the result of the simulator for the best setting; '' if it was not checked."""
+    """Return the result of the simulator for the best setting; '' if it was not to check it."""
+    if best.setting in result.check_failed:
+        return "in the simulator it failed, so it is not checked"
     check = best.check
     if check is None:
         return ""

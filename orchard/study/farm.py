@@ -25,7 +25,7 @@ from orchard.study.checking import checked_settings
 from orchard.study.farm_file import Farm, FarmBlock
 from orchard.study.options import StudyOptions
 from orchard.study.result import Interval, Row, Standing, StudyResult
-from orchard.study.runs import software
+from orchard.study.runs import RunFailed, software
 from orchard.study.settings import (
     CARRIERS,
     Setting,
@@ -80,6 +80,8 @@ class FarmResult:
     notes: list[str]
     version: str
     violations: list[str] = field(default_factory=list)
+    #: Settings of which a run of a block failed, as by an error in a policy. `notes` tell which.
+    failed: list[dict[str, Any]] = field(default_factory=list)
 
     @property
     def best_row(self) -> FarmRow | None:
@@ -121,7 +123,11 @@ def farm_study(
         def tell_of_block(partial: StudyResult, name: str = block.name) -> None:
             tell(name, partial)
 
-        results.append(study(block.scenario, known, options, tell_of_block, is_stopped))
+        try:
+            results.append(study(block.scenario, known, options, tell_of_block, is_stopped))
+        except RunFailed as failure:
+            # All settings of this block failed.
+            raise RunFailed(f"block {block.name}: {failure}") from None
     return _result(farm, known, options, results, time.time() - begun)
 
 
@@ -220,8 +226,11 @@ def _result(
     rows = []
     # Settings without a run in every block.
     missing = []
+    failed = _failed(results)
     for setting in _settings_in_order(results):
         of_blocks = _rows_of(setting, results)
+        if setting in failed:
+            continue
         if len(of_blocks) < len(results):
             missing.append(setting)
         else:
@@ -249,7 +258,18 @@ def _result(
         notes=_notes(farm, rows, missing, results, options),
         version=software(),
         violations=sorted(violations),
+        failed=failed,
     )
+
+
+def _failed(results: Sequence[StudyResult]) -> list[dict[str, Any]]:
+    """Return the settings of which a run failed in any block, each once."""
+    failed: list[dict[str, Any]] = []
+    for result in results:
+        for setting in result.failed:
+            if setting not in failed:
+                failed.append(setting)
+    return failed
 
 
 def _settings_in_order(results: Sequence[StudyResult]) -> list[dict[str, Any]]:

@@ -75,10 +75,9 @@ def run_farm(
         write_summary(chosen.summary, asdict(result))
     for violation in result.violations:
         print_error(violation)
-    if not result.table:
+    if not result.table and not result.failed:
         print_error("the budget is too short for one run in each block: --budget")
-        return FAILED
-    if result.violations:
+    if result.violations or result.failed or not result.table:
         return FAILED
     return FINISHED
 

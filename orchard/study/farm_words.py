@@ -6,6 +6,7 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
+from orchard.study.answer_words import failed_words
 from orchard.study.farm import FarmResult, FarmRow
 from orchard.study.settings import CARRIERS
 from orchard.study.table import MARKS, STYLES
@@ -17,9 +18,10 @@ def answer(result: FarmResult) -> str:
     best = result.best_row
     count = len(result.blocks)
     if not result.table:
-        return "No setting has been run in every block yet."
+        return _sentence("No setting has been run in every block yet", failed_words(result.failed))
     if best is None:
-        return f"Each setting jams in one of the {count} blocks."
+        jams = f"Each setting jams in one of the {count} blocks"
+        return _sentence(jams, failed_words(result.failed))
     names = ", ".join(result.blocks)
     words = (
         f"{setting_words(best.setting)}: {_hours(best)} h for {count} blocks ({names}) with"
@@ -33,7 +35,12 @@ def answer(result: FarmResult) -> str:
         words += f"; more runs may tell whether within {within} of the shortest are: {others}"
     elif result.settings_that_are("equal") and best.setting.keys() == {CARRIERS}:
         words += f"; more carriers gain less than {within}"
-    return f"{words}."
+    return _sentence(words, failed_words(result.failed))
+
+
+def _sentence(*parts: str) -> str:
+    """Return a sentence of these parts, but for those that are empty."""
+    return f"{'; '.join(filter(None, parts))}."
 
 
 def _hours(row: FarmRow) -> str:

@@ -62,12 +62,14 @@ class Findings:
 
         It goes through all settings, so take it once for all that you ask of it.
         """
-        failures = {}
-        for i in range(len(self.question.settings)):
-            failure = self.runs.failure(i, self.question.model)
-            if failure is not None:
-                failures[i] = failure
-        return failures
+        return self.runs.failing(self.question.model)
+
+    @property
+    def failures_of_checks(self) -> dict[int, RunFailed]:
+        """The settings that failed only in the simulator, which was to check them."""
+        if self.question.model == "full":
+            return {}
+        return self.runs.failing("full")
 
     def _jams(self, i: int) -> bool:
         return self.runs.has_jammed(i, self.question.model)
@@ -180,6 +182,7 @@ class Findings:
             not_run=question.values_of(sorted(missing, key=question.place)),
             break_even=self._break_even(comparisons, best),
             failed=question.values_of(failed),
+            check_failed=question.values_of(self.failures_of_checks),
             on_the_edge=question.values_of(sorted(on_the_edge, key=question.place)),
         )
         # The answer and the last notes are words about the result itself.
@@ -287,4 +290,5 @@ class Findings:
             sentences += notes.rare_truck(scenario)
         sentences += notes.heavier_bins(question.scenario)
         sentences += notes_on_kept_values(question.varied, question.scenario)
+        sentences += notes.unchecked(self.failures_of_checks)
         return sentences + self.notes_of_checks + notes.damaged()

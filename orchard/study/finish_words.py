@@ -7,6 +7,7 @@ from scipy import special
 
 from orchard.report.days import WorkDays
 from orchard.report.summary import bottleneck_words
+from orchard.study.answer_words import failed_words
 from orchard.study.deadline import Deadline, Trial, hours_words
 from orchard.study.fleets import Fleet
 from orchard.study.result import Interval, Row, StudyResult
@@ -61,6 +62,8 @@ def finish_answer(
         words = _best_words(best, result, days)
         is_sure = best.replications >= trial.replications
     parts = [words, *_smaller_words(result, smaller, trial)]
+    if result.failed:
+        parts.append(failed_words(result.failed))
     if result.is_cut and not is_sure:
         parts.append("not all runs are done, so this is the answer so far")
     return f"{'; '.join(parts)}. The orchard: {result.orchard}."

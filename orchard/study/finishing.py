@@ -8,6 +8,8 @@ The search has two steps. It first runs FIRST harvests of fleets, and chooses th
 that is in time in them. Then it runs this fleet as often as the confidence asks. If the fleet
 fails, the first step goes on with the others.
 
+A fleet of which a run fails, as by an error in a policy, is out, and the others go on.
+
 Fleets are run in the order of the least that the first harvests may cost, which follows from their
 limits (`orchard.study.fleets`). When this least cost is not below the cost of the best fleet so
 far, but for a difference that is worth nothing, all later fleets are too dear. All fleets have the
@@ -28,9 +30,10 @@ from orchard.study.checking import checked_settings, free_robots
 from orchard.study.deadline import Deadline, Trial
 from orchard.study.finish_words import SmallerFleet, finish_answer, too_early
 from orchard.study.fleets import PICKERS, Fleet, Fleets
+from orchard.study.notes import StudyNotes
 from orchard.study.options import StudyOptions
 from orchard.study.orchard_words import orchard_words
-from orchard.study.replications import Replications
+from orchard.study.replications import Replications, go_on
 from orchard.study.result import Goal, Row, Standing, StoppedBy, StudyResult
 from orchard.study.rows import row_of
 from orchard.study.runs import RunRecord, software
@@ -137,7 +140,7 @@ class _Tried:
     fleet: Fleet
     #: Of its setting among the replications of the search, from 0.
     number: int
-    #: Whether too many harvests are late, or one jammed.
+    #: Whether too many harvests are late, or one jammed or failed.
     is_out: bool = False
 
 
@@ -176,11 +179,13 @@ class _Search:
             self.workers,
             heard=self._report,
             is_stopped=self.is_stopped,
+            failed=go_on,
         )
 
     def run(self) -> StudyResult:
         """Do all that the budget allows, and return the answer."""
         is_whole = self._search()
+        self.runs.raise_if_all_failed(self.model)
         if is_whole and self.answer is not None:
             is_whole = self._run_beside(self.answer)
         if is_whole:
@@ -262,7 +267,8 @@ class _Search:
             is_larger = (
                 tried.fleet.pickers == fleet.pickers and tried.fleet.carriers >= fleet.carriers
             )
-            if is_larger and tried.is_out and self._in_time(tried) == 0:
+            is_late = tried.is_out and not self._has_failed(tried)
+            if is_larger and is_late and self._in_time(tried) == 0:
                 return False
         return True
 
@@ -335,6 +341,10 @@ class _Search:
         """Return the runs of a fleet, in the order of their seeds."""
         return self.runs.known(tried.number, self.model)
 
+    def _has_failed(self, tried: _Tried) -> bool:
+        """Whether a run of a fleet failed, as by an error in a policy."""
+        return self.runs.failure(tried.number, self.model) is not None
+
     def _late(self, tried: _Tried) -> int:
         """Return how many harvests of a fleet were late, or jammed."""
         return len(self._records(tried)) - self._in_time(tried)
@@ -348,8 +358,8 @@ class _Search:
         return in_time
 
     def _is_out(self, tried: _Tried) -> bool:
-        """Whether a harvest jammed, or more were late than the confidence allows."""
-        if self.runs.has_jammed(tried.number, self.model):
+        """Whether a harvest jammed or failed, or more were late than the confidence allows."""
+        if self._has_failed(tried) or self.runs.has_jammed(tried.number, self.model):
             return True
         if not tried.fleet.setting.is_random:
             # The one run of a fleet without chance stands for all.
@@ -390,7 +400,8 @@ class _Search:
         best = None
         smaller: list[SmallerFleet] = []
         days = None
-        if self.answer is not None:
+        # While the search goes on, a run of the fleet may just have failed.
+        if self.answer is not None and not self._has_failed(self.answer):
             setting = self.answer.fleet.setting
             best = setting.values
             days = setting.days
@@ -415,15 +426,23 @@ class _Search:
             notes=self._notes(),
             version=software(),
             violations=self.runs.violations,
+            failed=self._failed_values(),
             deadline=self.fleets.deadline.words,
             deadline_option=self.fleets.deadline.option,
         )
         return replace(result, answer=finish_answer(result, smaller, self.trial, days))
 
     def _with_runs(self) -> list[_Tried]:
-        """Return the fleets that have runs, in the order of the table."""
-        with_runs = [tried for tried in self.tried if self._records(tried)]
+        """Return the fleets that have runs, of which none failed, in the order of the table."""
+        with_runs = []
+        for tried in self.tried:
+            if self._records(tried) and not self._has_failed(tried):
+                with_runs.append(tried)
         return sorted(with_runs, key=attrgetter("fleet.pickers", "fleet.carriers"))
+
+    def _failed_values(self) -> list[dict[str, Any]]:
+        """Return the numbers of robots of the fleets of which a run failed."""
+        return [self.settings[number].values for number in self.runs.failing(self.model)]
 
     def _rows(self) -> list[Row]:
         """Return the table: a row for each fleet that has runs."""
@@ -455,7 +474,8 @@ class _Search:
 
     def _notes(self) -> list[str]:
         """Return what a reader must know beside the table."""
-        notes = [*self.notes]
+        of_runs = StudyNotes(self.runs, self.model, self.options, {})
+        notes = [*self.notes, *of_runs.failed(self.runs.failing(self.model))]
         if self.options.model == "both":
             notes.append("the fast model alone answers; --model full asks the simulator")
         if self.scenario.shift.is_set:

@@ -55,10 +55,18 @@ class StudyNotes:
         """Return why each of these settings is left out: an own class raised an error, or ended
         its worker.
         """
-        return [
-            f"{self._words(i)} failed, and is not in the table: {failure}"
-            for i, failure in failures.items()
-        ]
+        return self._with_errors("failed, and is not in the table", failures)
+
+    def unchecked(self, failures: Mapping[int, RunFailed]) -> list[str]:
+        """Return why the simulator could not check each of these settings: an own class failed."""
+        return self._with_errors("failed in the simulator, and is not checked", failures)
+
+    def _with_errors(self, words: str, failures: Mapping[int, RunFailed]) -> list[str]:
+        """Return for each of these settings what became of it, and its error."""
+        notes = []
+        for i, failure in failures.items():
+            notes.append(f"{self._words(i)} {words}: {failure}")
+        return notes
 
     def jammed(self, settings: Sequence[int]) -> list[str]:
         """Return why each of these settings jams: a fault of an own class, or waiting robots."""

@@ -26,6 +26,10 @@ def raise_it(failure: RunFailed) -> None:
     raise failure
 
 
+def go_on(failure: RunFailed) -> None:
+    """Let the other runs go on after one that failed: its setting is left out."""
+
+
 @dataclass
 class Replications:
     """The runs of all settings."""
@@ -92,8 +96,8 @@ class Replications:
 
     def _fail(self, run: PlannedRun, failure: RunFailed) -> None:
         """Note that a run has failed. Raises what `failed` raises."""
-        self.failed(failure)
         self.failures[run.key] = failure
+        self.failed(failure)
 
     def _is_over(self, key: str) -> bool:
         """Whether a run is done, or has failed. `key`: of the run."""
@@ -170,6 +174,24 @@ class Replications:
                 return self.failures[run.key]
         return None
 
+    def failing(self, model: Model) -> dict[int, RunFailed]:
+        """Return the settings of which a run failed, each with the error of its first one.
+
+        It goes through all settings, so take it once for all that you ask of it.
+        """
+        failing = {}
+        for i in range(len(self.settings)):
+            failure = self.failure(i, model)
+            if failure is not None:
+                failing[i] = failure
+        return failing
+
+    def raise_if_all_failed(self, model: Model) -> None:
+        """Raise RunFailed, with the error of the first setting, if each setting has one."""
+        failing = self.failing(model)
+        if failing and len(failing) == len(self.settings):
+            raise failing[0]
+
     @property
     def violations(self) -> list[str]:
         """The violations of invariants in all runs, each once, in the order of their words."""
@@ -233,19 +255,19 @@ def confirmed(
 ) -> tuple[dict[int, Check], list[str]]:
     """Have the full model do harvests of some settings, with the seeds of the fast model.
 
-    Return the check of each setting that got a run before `until`, and notes for the reader.
+    Return the check of each setting that got a run before `until`, and notes for the reader. A
+    setting of which a run failed has no check: `Replications.failing` has its error.
     """
     replications.do(settings, "full", CHECKS, until)
+    failing = replications.failing("full")
     checks = {}
     notes = []
     for i in settings:
+        if i in failing:
+            continue
         if replications.known(i, "full"):
             checks[i] = _check(replications, i, confidence)
-        failure = replications.failure(i, "full")
-        if failure is None:
-            notes += _notes(replications.settings[i], checks.get(i))
-        else:
-            notes.append(f"the simulator could not check all: {failure}")
+        notes += _notes(replications.settings[i], checks.get(i))
     return checks, notes
 
 

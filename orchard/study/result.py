@@ -159,6 +159,9 @@ class StudyResult:
     break_even: list[BreakEven] = field(default_factory=list)
     #: Settings of which a run failed, as by an error in a policy. `notes` tell which, and where.
     failed: list[dict[str, Any]] = field(default_factory=list)
+    #: Settings of the table of which a run failed in the simulator, which was to check them: they
+    #: have no check. `notes` tell which run, and where.
+    check_failed: list[dict[str, Any]] = field(default_factory=list)
     #: Settings that may be as good as the answer, too, of which more runs would hardly tell.
     on_the_edge: list[dict[str, Any]] = field(default_factory=list)
     #: By when a harvest must be done, in words; '' without a deadline.
@@ -172,6 +175,11 @@ class StudyResult:
         if self.best is None:
             return None
         return self.row_of(self.best)
+
+    @property
+    def has_failures(self) -> bool:
+        """Whether a run of any setting failed."""
+        return bool(self.failed or self.check_failed)
 
     def row_of(self, setting: dict[str, Any]) -> Row | None:
         """Return the row of a setting; None if the table has none."""

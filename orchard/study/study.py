@@ -19,9 +19,8 @@ from orchard.study.comparing import LOOKS, Comparison, interval
 from orchard.study.findings import Findings
 from orchard.study.options import StudyOptions
 from orchard.study.question import Question
-from orchard.study.replications import Replications, confirmed
+from orchard.study.replications import Replications, confirmed, go_on
 from orchard.study.result import StoppedBy, StudyResult
-from orchard.study.runs import RunFailed
 from orchard.study.settings import ALL_IT_TAKES, is_open, numbered
 from orchard.study.store import Store
 from orchard.study.workers import Workers, processes, scheduled
@@ -72,10 +71,6 @@ def study(
         return _Study(question, store, workers, tell, is_stopped).run()
 
 
-def _go_on(failure: RunFailed) -> None:
-    """Let the other runs of a study go on after one that failed: its setting is left out."""
-
-
 class _Study:
     """A study that runs: replications of all settings, look by look; then checks and proofs."""
 
@@ -103,7 +98,7 @@ class _Study:
             workers,
             heard=self._report,
             is_stopped=is_stopped,
-            failed=_go_on,
+            failed=go_on,
         )
         self.findings = Findings(question=question, runs=self.runs, begun=self.begun)
 
@@ -163,7 +158,7 @@ class _Study:
             alive = set(self.findings.alive)
             in_order = [i for i in question.in_order_of_runs() if i in alive]
             is_whole = self.runs.do(in_order, question.model, count, until)
-            self._raise_if_all_failed()
+            self.runs.raise_if_all_failed(question.model)
             if not is_whole:
                 return False
             if not question.is_open:
@@ -171,12 +166,6 @@ class _Study:
             best = [comparison.best for comparison in self.findings.compared()]
             if not question.add_numbers(best):
                 return True
-
-    def _raise_if_all_failed(self) -> None:
-        """Raise RunFailed, with the first failure, if each setting has one."""
-        failures = self.findings.failures
-        if len(failures) == len(self.question.settings):
-            raise failures[0]
 
     def _is_certain(self, comparison: Comparison) -> bool:
         """Whether no more runs are needed for a comparison."""

@@ -85,7 +85,7 @@ def run_study(chosen: StudyArguments) -> int:
         print_error(violation)
     unwritten = list(_unwritten(_files(chosen), result))
     is_told = tell_if_lost()
-    if result.violations or result.failed or unwritten or not is_told:
+    if result.violations or result.has_failures or unwritten or not is_told:
         return FAILED
     return FINISHED
 

@@ -21,7 +21,7 @@ from orchard.study.options import StudyOptions
 from orchard.study.orchard_words import orchard_words
 from orchard.study.replications import Replications
 from orchard.study.result import Goal, Interval, StoppedBy
-from orchard.study.runs import RunRecord, software
+from orchard.study.runs import RunFailed, RunRecord, software
 from orchard.study.sensitivity.factors import MOST_FACTORS, Factor
 from orchard.study.sensitivity.result import Effect, SensitivityResult
 from orchard.study.sensitivity.surrogate import (
@@ -64,7 +64,8 @@ def sensitivity(
     that of the points which are done. The same question has the same answer, whatever the workers
     do.
 
-    Raises as `orchard.study.study.study` does.
+    Raises as `orchard.study.study.study` does. All points need the same own classes, so the first
+    run that fails ends it: RunFailed names the values of its point.
     """
     problems = sensitivity_problems(scenario, factors, options)
     if problems:
@@ -172,7 +173,11 @@ class _Sensitivity:
             is_stopped=is_stopped,
         )
         until = self.begun + self.options.budget_seconds
-        is_whole = runs.do(range(len(self.settings)), "fast", RUNS_OF_A_POINT, until)
+        try:
+            is_whole = runs.do(range(len(self.settings)), "fast", RUNS_OF_A_POINT, until)
+        except RunFailed:
+            ((number, failure),) = runs.failing("fast").items()
+            raise RunFailed(f"{self.settings[number].words}: {failure}") from None
         stopped_by: StoppedBy = "budget"
         if is_whole:
             stopped_by = "certain"

@@ -273,6 +273,7 @@ class Findings:
         notes = StudyNotes(self.runs, question.model, question.options, question.varied)
         sentences = notes.nothing_random()
         sentences += notes.missing(missing, was_stopped=self.stopped_by == "stopped")
+        sentences += question.left_out
         sentences += notes.failed(self.failures)
         sentences += notes.jammed(self.jammed)
         sentences += notes.unequal(shown)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from orchard.field.layout import Layout, lay_out
+from orchard.field.problems import Problem
 from orchard.field.scenario import Scenario
 from orchard.report.late_absences import notes_on_absences
 from orchard.report.limits import full_bins, limit_of_question
@@ -13,6 +14,7 @@ from orchard.study.options import StudyOptions
 from orchard.study.replications import Replications
 from orchard.study.result import Model
 from orchard.study.runs import RunFailed, RunRecord
+from orchard.study.settings import Setting, impossible_settings
 from orchard.study.words import counted
 
 # Keys on which it depends how much each picker has to pick.
@@ -46,9 +48,7 @@ class StudyNotes:
         if was_stopped:
             why = "the study was stopped before"
         count = counted("settings", len(settings))
-        names = "; ".join(self.runs.settings[i].words for i in settings[:MOST_NAMED])
-        if len(settings) > MOST_NAMED:
-            names += " and others"
+        names = _names([self.runs.settings[i] for i in settings])
         return [f"{why} a run of {count}, {names}: not in the table"]
 
     def failed(self, failures: Mapping[int, RunFailed]) -> list[str]:
@@ -179,6 +179,32 @@ class StudyNotes:
 def _with_faults(records: Sequence[RunRecord]) -> list[RunRecord]:
     """Return the runs in which an own class failed."""
     return [record for record in records if record.faults]
+
+
+def notes_on_left_out(
+    settings: Sequence[Setting], varied: Mapping[str, Sequence[Any]], faults: Sequence[Problem]
+) -> list[str]:
+    """Return which combinations of values are no settings, and then why, a sentence for each fault.
+
+    `faults`: of values that cannot be together. `settings`, `varied`: when the study begins.
+    """
+    if not faults:
+        return []
+    left_out = impossible_settings(settings, varied)
+    count = counted("settings", len(left_out))
+    notes = [f"impossible, and not in the table: {count}, {_names(left_out)}"]
+    notes += map(str, faults[:MOST_NAMED])
+    if len(faults) > MOST_NAMED:
+        notes.append(f"and {len(faults) - MOST_NAMED} more reasons")
+    return notes
+
+
+def _names(settings: Sequence[Setting]) -> str:
+    """Return the first settings in words, and that there are more."""
+    names = "; ".join(setting.words for setting in settings[:MOST_NAMED])
+    if len(settings) > MOST_NAMED:
+        names += " and others"
+    return names
 
 
 def no_room(most: int) -> str:

@@ -39,8 +39,8 @@ class Question:
     options: StudyOptions
     #: Whether the study chooses the numbers of carriers.
     is_open: bool
-    #: Why combinations of values are no settings, because these values cannot be together.
-    left_out: Sequence[Problem] = ()
+    #: Sentences about combinations of values that are no settings, because they cannot be together.
+    left_out: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         self.goal: Goal = self.options.goal or _usual_goal(self.settings)

@@ -258,14 +258,19 @@ def is_of_several_values(problem: Problem) -> bool:
 def impossible_settings(
     settings: Sequence[Setting], varied: Mapping[str, Sequence[Any]]
 ) -> list[Setting]:
-    """Return the combinations of values that are not among the settings, without their scenario's
-    own values.
+    """Return the combinations of values that are not among the settings. Their scenario is none of
+    theirs: there is none.
+
+    `settings`: as `settings_of` returns them, in order.
     """
-    possible = [setting.values for setting in settings]
+    possible = iter(settings)
+    following = next(possible, None)
     impossible = []
     for values in product(*varied.values()):
         setting = dict(zip(varied, values, strict=True))
-        if setting not in possible:
+        if following is not None and following.values == setting:
+            following = next(possible, None)
+        else:
             impossible.append(Setting(setting, Scenario()))
     return impossible
 

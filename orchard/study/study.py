@@ -17,6 +17,7 @@ from orchard.report.bounds import proven_seconds
 from orchard.study.checking import checked_settings, refused_and_left_out
 from orchard.study.comparing import LOOKS, Comparison, interval
 from orchard.study.findings import Findings
+from orchard.study.notes import notes_on_left_out
 from orchard.study.options import StudyOptions
 from orchard.study.question import Question
 from orchard.study.replications import Replications, confirmed, go_on
@@ -55,13 +56,14 @@ def study(
         raise ScenarioError(refused)
     if options.model != "full":
         get_ready([scenario])
+    all_values = numbered(scenario, varied)
     question = Question(
         scenario=scenario,
-        varied=numbered(scenario, varied),
+        varied=all_values,
         settings=settings,
         options=options,
         is_open=is_open(varied),
-        left_out=left_out,
+        left_out=notes_on_left_out(settings, all_values, left_out),
     )
     if options.scheduler:
         started = scheduled(options.scheduler)

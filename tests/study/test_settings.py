@@ -207,3 +207,40 @@ def test_a_long_run_with_a_picker_away_is_refused():
     (problem,) = checked_settings(away, {}, StudyOptions())[1]
     assert "choose --horizon harvest" in problem.text
     assert checked_settings(away, {}, StudyOptions(horizon="harvest"))[1] == []
+
+
+def test_impossible_settings_are_left_out_and_named() -> None:
+    """A truck that takes 30 bins would never leave with the 20 that there are."""
+    load_out = {"empty_bins": 20, "truck": {"every": 1200.0, "bins": 10}}
+    farm = Scenario(
+        rows=3,
+        row_length=20.0,
+        pickers=2,
+        carriers=1,
+        people={"workers": 0, "visitors": 0},
+        animals={"dogs": 0, "cats": 0},
+        tractor=False,
+        dispatch="nearest",
+        load_out=load_out,
+    )
+    varied = {"load_out.truck.bins": [10, 20, 30, 40]}
+    found = study(farm, varied, StudyOptions(model="fast", horizon="harvest", workers=1))
+    assert [row.setting["load_out.truck.bins"] for row in found.table] == [10, 20]
+    names = "load_out.truck.bins=30; load_out.truck.bins=40"
+    assert f"impossible, and not in the table: 2 settings, {names}" in found.notes
+    assert (
+        "the setting load_out.truck.bins=30: load_out.truck.bins = 30, load_out.empty_bins = 20:"
+        " never fills: must be at most empty_bins, all bins that stand at the bay; lower it, or"
+        " raise empty_bins"
+    ) in found.notes
+
+
+def test_a_study_without_a_possible_setting_is_refused() -> None:
+    with pytest.raises(ScenarioError, match="must be at most one picker a row"):
+        study(Scenario(), {"rows": [3], "pickers": [4, 5]})
+
+
+def test_a_value_that_is_wrong_alone_is_refused() -> None:
+    """It is a slip, and not a combination that cannot be."""
+    with pytest.raises(ScenarioError, match="carriers = 0"):
+        study(Scenario(), {"carriers": [0, 1, 2]})

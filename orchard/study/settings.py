@@ -251,7 +251,7 @@ def settings_of(
 
 
 def is_of_several_values(problem: Problem) -> bool:
-    """Whether a problem of a setting is one of values together, of which each alone may be right."""
+    """Whether a problem is one of values together, of which each alone may be right."""
     return ", " in problem.path
 
 

@@ -245,6 +245,15 @@ def test_the_bay_empties_the_bin_of_a_carrier_that_is_held_up() -> None:
     assert_is_near(HELD_UP_IN_BAY)
 
 
+@pytest.mark.parametrize("seconds", [0.7, 1.2])
+def test_a_picker_takes_the_bin_as_its_carrier_asks(seconds: float) -> None:
+    """With these times to couple a bin the carrier asks in the tick in which the picker takes it.
+
+    The carrier acts first in that tick. It hears yes all the same, for the picker answers later.
+    """
+    assert_is_near(FAST | {"handling": {"coupling": seconds}})
+
+
 @pytest.mark.soak
 def test_soak_forty_orchards_deliver_when_the_simulators_do() -> None:
     """All 40 that were drawn were near when this was written."""

@@ -167,6 +167,10 @@ def take_place(m, picker):
     if not seize(m, picker, me.bringer):
         return False
     m.bins[me.offered].taken = tick_of(m)
+    bringer = m.robots[me.bringer]
+    # It may have asked in this tick, before the picker acted. The picker answers in the next tick.
+    if bringer.state == c.HANDING_OVER and bringer.asked == tick_of(m):
+        await_yes(m, me.bringer)
     return True
 
 
@@ -191,13 +195,19 @@ def await_taken(m, carrier):
     """Ask again and again whether the picker has taken the bin."""
     me = m.robots[carrier]
     me.asked = tick_of(m)
-    if m.bins[me.left_bin].taken > me.asked:
-        me.state = c.HANDING_OVER
-        set_alarm(m, carrier, PATIENCE)
-    else:
-        me.state = c.LASTING
-        set_alarm(m, carrier, ASK)
+    if m.bins[me.left_bin].taken <= me.asked:
+        await_yes(m, carrier)
+        return False
+    me.state = c.HANDING_OVER
+    set_alarm(m, carrier, PATIENCE)
     return False
+
+
+@inner
+def await_yes(m, carrier):
+    """Wait for the answer to the question of this tick: the picker has taken the bin."""
+    m.robots[carrier].state = c.LASTING
+    set_alarm(m, carrier, ASK)
 
 
 @inner

@@ -22,7 +22,8 @@ from itertools import groupby
 from typing import NamedTuple
 
 from orchard.dispatch.ranking import MARGIN
-from orchard.field.layout import KEPT_LAYOUTS, Geometry, Layout
+from orchard.field.layout import KEPT_LAYOUTS, Layout
+from orchard.field.layout_key import Geometry
 from orchard.field.queue import CLOSED_UP
 from orchard.field.scenario import TIME_STEP
 from orchard.plans.jobs import TimedJob, Use, jobs_of

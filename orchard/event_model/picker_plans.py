@@ -13,7 +13,8 @@ from orchard.event_model.pass_speeds import PassSpeeds
 from orchard.event_model.tables import Table
 from orchard.event_model.translator import PlanTranslator
 from orchard.event_model.writer import Writer
-from orchard.field.layout import KEPT_LAYOUTS, Geometry, Layout
+from orchard.field.layout import KEPT_LAYOUTS, Layout
+from orchard.field.layout_key import Geometry
 from orchard.plans.route import OneWay
 from orchard.plans.routes import ROUTES, route_of
 

@@ -17,7 +17,8 @@ from orchard.event_model.kernel.entry import addressed
 from orchard.event_model.known import COMPILED
 from orchard.event_model.program import Program
 from orchard.field.kinds import DISPATCH, EIGHTH, KINDS
-from orchard.field.layout import KEPT_LAYOUTS, Geometry, Layout
+from orchard.field.layout import KEPT_LAYOUTS, Layout
+from orchard.field.layout_key import Geometry
 from orchard.field.machines import haul_charge
 from orchard.field.picking import absences_of
 from orchard.field.placement import Start

@@ -106,7 +106,7 @@ class Unpicked(NamedTuple):
         return Unpicked(self.west, min(begin, stop))
 
 
-class Filling(NamedTuple):
+class FillingBin(NamedTuple):
     """A bin that is being filled. Its fruit is measured in metres of row, m."""
 
     #: m of row that fill an empty bin.
@@ -115,7 +115,7 @@ class Filling(NamedTuple):
     room: float
 
     @classmethod
-    def empty(cls, capacity: float) -> "Filling":
+    def empty(cls, capacity: float) -> "FillingBin":
         """Return a bin without fruit."""
         return cls(capacity, capacity)
 
@@ -129,9 +129,9 @@ class Filling(NamedTuple):
         """Whether it has room for no more."""
         return self.room <= FULL_WITHIN
 
-    def with_more(self, metres: float) -> "Filling":
+    def with_more(self, metres: float) -> "FillingBin":
         """Return the bin with so many metres of row more in it, or as many as it has room for."""
-        return Filling(self.capacity, self.room - min(self.room, metres))
+        return FillingBin(self.capacity, self.room - min(self.room, metres))
 
 
 def passes_in(scenario: Scenario, rows: Sequence[tuple[float, float]], block: Block) -> list[Pass]:
@@ -169,13 +169,13 @@ def passes_of(
     passes = list[Pass]()
     # The end at which the next pass leaves its row.
     end = _OTHER[block.start]
-    bin_ = Filling.empty(metres_per_bin or 0.0)
+    bin_ = FillingBin.empty(metres_per_bin or 0.0)
     bin_number = 1
     for count, row in enumerate(block.rows, start=1):
         unpicked = Unpicked(*rows[row - 1])
         if not metres_per_bin:
             # Each row has a bin of its own, which is as large as the row is long.
-            bin_ = Filling.empty(unpicked.length)
+            bin_ = FillingBin.empty(unpicked.length)
         is_last_row = count == len(block.rows)
         while unpicked.length > FULL_WITHIN:
             ends_row = unpicked.length - bin_.room <= FULL_WITHIN
@@ -203,7 +203,7 @@ def passes_of(
             )
             end = _OTHER[end]
             if bin_.is_full:
-                bin_ = Filling.empty(bin_.capacity)
+                bin_ = FillingBin.empty(bin_.capacity)
                 bin_number += 1
     return passes
 

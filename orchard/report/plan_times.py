@@ -12,7 +12,8 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from orchard.field.geometry import HEADINGS, Pose
-from orchard.field.layout import KEPT_LAYOUTS, Geometry, Layout
+from orchard.field.layout import KEPT_LAYOUTS, Layout
+from orchard.field.layout_key import Geometry
 from orchard.field.passes import Pass
 from orchard.field.scenario import TIME_STEP
 from orchard.plans.jobs import TimedStep, begin_of, timed_steps

@@ -13,7 +13,7 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from orchard.app.draft import Draft
-from orchard.app.elements import mark_wrong, note
+from orchard.app.elements import NO_TAB_STOP, mark_wrong, note
 from orchard.app.entries import MEASURES, Entry
 from orchard.app.typed_field import TypedField
 from orchard.app.typed_numbers import number_of, shown
@@ -93,7 +93,7 @@ class Control:
     def _build_slider(self) -> ui.slider:
         entry = self.entry
         slider = ui.slider(min=entry.low, max=entry.high, step=entry.step, value=entry.low)
-        slider.classes("grow").props(f'aria-label="{entry.label}"')
+        slider.classes("grow").props(f'aria-label="{entry.label}" {NO_TAB_STOP}')
         slider.on("update:model-value", self._slid, throttle=0.05)
         return slider
 

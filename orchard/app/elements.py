@@ -11,6 +11,10 @@ from nicegui import ui
 
 from orchard.app.command import Latest
 
+# Of a slider beside a field for the same number. The keyboard would stop twice, and what Quasar
+# stops at has neither a name nor a role for screen readers.
+NO_TAB_STOP = "tabindex=-1"
+
 
 def heading(level: int, words: str = "") -> ui.label:
     """Return the text of a new heading. Screen readers go from one heading to the next."""

@@ -11,11 +11,11 @@ from orchard.app.charts import Course, course_of
 from orchard.app.command import Files, Latest, PageCommand, RunState
 from orchard.app.past_runs import Record
 from orchard.app.picture import ViewerPanel
-from orchard.app.typed_numbers import number_problem, with_point
+from orchard.app.typed_numbers import in_seconds, number_of, number_problem, with_point
 from orchard.app.what_if import Fork
 from orchard.field.scenario import Scenario
 from orchard.report.metrics import SAMPLED
-from orchard.report.summary import Headline
+from orchard.report.summary import Headline, clock
 
 MODES = {
     "lockstep": "processes over Zenoh, as on separate machines",
@@ -28,14 +28,16 @@ SETTINGS = {"speed": "Speed", "duration": "End after"}
 SPEEDS = (0.1, 1000)
 # Limits, both included: s, simulated.
 DURATIONS = (1, 1_000_000)
+SUCH_AS = "or with a unit such as 7.5 h or 90 min"
 
 
 @dataclass(frozen=True)
 class RunSettings:
     """How a run is to go, as a user entered it.
 
-    `speed`: x real time. `duration`: simulated s; '' for the whole harvest. `as_fast_as_it_goes`:
-    overrides the speed, except in realtime. `live`: whether to serve the live picture.
+    `speed`: x real time. `duration`: simulated s, or with a unit, such as 7.5 h; '' for the whole
+    harvest. `as_fast_as_it_goes`: overrides the speed, except in realtime. `live`: whether to serve
+    the live picture.
     """
 
     mode: str = "lockstep"
@@ -67,13 +69,31 @@ class RunSettings:
             words_by_name["speed"] = self._speed_problem()
         if not self.is_whole_harvest:
             words_by_name["duration"] = number_problem(
-                self.duration, DURATIONS, also="; empty: the whole harvest"
+                self._seconds, DURATIONS, also=f" s, {SUCH_AS}; empty: the whole harvest"
             )
         problems = {}
         for name, problem in words_by_name.items():
             if problem:
                 problems[name] = f"{SETTINGS[name]}: {problem}"
         return problems
+
+    @property
+    def _seconds(self) -> str:
+        """The duration in seconds, as text."""
+        return in_seconds(self.duration)
+
+    @property
+    def end(self) -> str:
+        """When the run ends, for a person; '' for the whole harvest, or if that is invalid."""
+        seconds = number_of(self._seconds)
+        if isinstance(seconds, str) or "duration" in self.problems:
+            return ""
+        return f"after {clock(seconds)}, simulated"
+
+    @property
+    def duration_option(self) -> str:
+        """The duration as the command takes it, s."""
+        return with_point(self._seconds)
 
     def _speed_problem(self) -> str:
         advice = "; 1 is real time"
@@ -99,7 +119,7 @@ def command(
     line += ["--mode", settings.mode, "--progress", "json"]
     line += ["--speed", "max" if settings.is_fastest else with_point(settings.speed)]
     if not settings.is_whole_harvest:
-        line += ["--duration", with_point(settings.duration)]
+        line += ["--duration", settings.duration_option]
     if settings.live:
         line += ["--web", str(web_port)]
     line += ["--record", str(files.recording), "--summary", str(files.summary)]

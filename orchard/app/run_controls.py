@@ -7,8 +7,8 @@ from typing import Any
 from nicegui import ui
 from nicegui.events import GenericEventArguments, ValueChangeEventArguments
 
-from orchard.app.elements import mark_wrong
-from orchard.app.harvest_run import DURATIONS, MODES, SPEEDS, RunSettings
+from orchard.app.elements import NO_TAB_STOP, mark_wrong
+from orchard.app.harvest_run import DURATIONS, MODES, SPEEDS, SUCH_AS, RunSettings
 from orchard.app.typed_numbers import number_of, shown, span
 
 # The fastest speed of the slider, x real time. The text field takes more.
@@ -41,7 +41,7 @@ class RunControls:
     def _build_speed(self) -> None:
         with self._setting("Speed", "speed"):
             self._slider = ui.slider(min=1, max=FASTEST, step=1, value=1).classes("speed-slider")
-            self._slider.props("aria-label=Speed")
+            self._slider.props(f"aria-label=Speed {NO_TAB_STOP}")
             self._speed = _number_field(self.settings.speed, "x", self._enters("speed"))
             self._speed.classes("number")
             self._speed.props("data-field=speed aria-label=Speed")
@@ -61,10 +61,10 @@ class RunControls:
 
     def _build_duration(self) -> None:
         with self._setting("End after", "duration"):
-            duration = _number_field(self.settings.duration, "s", self._enters("duration"))
+            duration = _number_field(self.settings.duration, "", self._enters("duration"))
             duration.classes("number wide")
             duration.props('clearable placeholder="all rows" data-field=duration')
-            title = f"simulated seconds, {span(DURATIONS)}; empty: the whole harvest"
+            title = f"simulated seconds, {span(DURATIONS)}, {SUCH_AS}; empty: the whole harvest"
             duration.props(f'aria-label="End after" title="{title}"')
 
     def _setting(self, name: str, path: str) -> ui.element:
@@ -100,6 +100,7 @@ class RunControls:
         hints = {
             "mode": MODES[settings.mode],
             "speed": NO_FASTEST if settings.is_by_the_clock else "",
+            "duration": settings.end,
         }
         for path, label in self._problems.items():
             problem = settings.problems.get(path, "")

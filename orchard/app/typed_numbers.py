@@ -12,6 +12,9 @@ WHOLE = re.compile(r"[-+]?[0-9]{1,29}")
 DECIMAL = re.compile(r"[-+]?([0-9]{1,40}[.,]?[0-9]*|[.,][0-9]+)([eE][-+]?[0-9]{1,3})?")
 # The comma of such a number may be a decimal sign, or part thousands.
 AMBIGUOUS = re.compile(r"[-+]?[1-9][0-9]{0,2},[0-9]{3}")
+# A time with its unit, and how many seconds a unit has.
+TIME = re.compile(r"(.*[0-9.,]) *(s|min|h)")
+SECONDS = {"s": 1, "min": 60, "h": 3600}
 
 
 def number_of(text: str) -> int | float | str:
@@ -43,6 +46,21 @@ def with_point(text: str) -> str:
     if isinstance(number, str):
         return number
     return shown(number)
+
+
+def in_seconds(text: str) -> str:
+    """Return a time with a unit as the number of its seconds. Any other text stays as it is.
+
+    >>> in_seconds("7,5 h"), in_seconds("600"), in_seconds("noon")
+    ('27000', '600', 'noon')
+    """
+    match = TIME.fullmatch(text.strip())
+    if match is None:
+        return text
+    number = number_of(match[1])
+    if isinstance(number, str):
+        return text
+    return shown(number * SECONDS[match[2]])
 
 
 def meanings_of(text: object) -> list[str]:

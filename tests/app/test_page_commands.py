@@ -16,6 +16,7 @@ WRONG_PACES = [
         RunSettings("local", "1,250", "-1"),
         {"speed": "1,250 may mean 1.25 or 1250: write 1.25", "duration": "from 1 to 1000000"},
     ),
+    (RunSettings("local", "8", "300 h"), {"duration": "a unit such as 7.5 h or 90 min"}),
     (
         RunSettings("local", "", "soon", as_fast_as_it_goes=True),
         {"duration": "empty: the whole harvest"},
@@ -42,6 +43,10 @@ def test_what_is_wrong_with_a_pace_is_told_at_its_field(pace, words):
             {"--mode": "lockstep", "--speed": "max"},
         ),
         (
+            RunSettings("local", "8", "7,5 h"),
+            {"--mode": "local", "--speed": "8", "--duration": "27000"},
+        ),
+        (
             RunSettings("local", "0,125", "1000000"),
             {"--mode": "local", "--speed": "0.125", "--duration": "1000000"},
         ),
@@ -55,6 +60,12 @@ def test_a_pace_becomes_options_of_run_py(tmp_path, pace, options):
     for option in ("--mode", "--speed", "--duration"):
         value = words[words.index(option) + 1] if option in words else None
         assert value == options.get(option)
+
+
+def test_when_a_run_ends_is_said():
+    assert RunSettings(duration="7.5 h").end == "after 7:30:00 h, simulated"
+    assert RunSettings(duration="90").end == "after 1:30 min, simulated"
+    assert RunSettings(duration="").end == RunSettings(duration="soon").end == ""
 
 
 def test_two_runs_of_a_second_have_files_of_their_own(tmp_path):

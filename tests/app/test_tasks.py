@@ -18,7 +18,15 @@ def keyboard(browser):
 
 
 def test_rows_are_entered_and_asked_without_a_mouse(keyboard):
-    """A number that has the focus is selected, so that typing replaces it."""
+    """A number that has the focus is selected, so that typing replaces it.
+
+    A slider beside a field is no stop of its own.
+    """
+    tab_to(keyboard, "rows")
+    press(keyboard, Keys.TAB)
+    focused = keyboard.driver.switch_to.active_element
+    assert focused.get_attribute("data-field") == "row_length"
+    keyboard.reload()
     for path, typed in {"rows": "12", "row_width": "4,5", "pickers": "3"}.items():
         tab_to(keyboard, path)
         press(keyboard, typed)

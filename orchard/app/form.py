@@ -107,6 +107,8 @@ FOR_EXPERTS = {
         "sensors.odometry.heading",
     ),
 }
+CREW_TITLE = "Crew, haul, machines that are bought"
+EXPERTS_TITLE = "For experts"
 _OF_CREW_AND_HAUL = set[str]().union(*CREW_AND_HAUL.values())
 # What is seen while the part for experts is folded away.
 _ALWAYS_SEEN = {*AGENTS}.union(*GROUPS.values())
@@ -128,14 +130,10 @@ class Form:
         with self._boxes[ROWS]:
             self._conversion = ui.label().classes("conversion")
             self._conversion.props("data-view=conversion role=status")
-        with (
-            ui.expansion("Crew, haul, machines that are bought")
-            .classes("experts")
-            .props("data-view=crew") as self._crew
-        ):
+        with ui.expansion(CREW_TITLE).classes("experts").props("data-view=crew") as self._crew:
             self._add(CREW_AND_HAUL)
         with (
-            ui.expansion("For experts")
+            ui.expansion(EXPERTS_TITLE)
             .classes("experts")
             .props("data-view=experts") as self._experts
         ):
@@ -172,6 +170,7 @@ class Form:
             control.follow(draft.values[path])
             control.complain()
         self._mark_differences(running)
+        self._count_what_is_folded_away()
         if draft.scenario is not None:
             self._show_chosen(draft.scenario)
         folded_away = set(draft.problems) - _ALWAYS_SEEN
@@ -180,6 +179,20 @@ class Form:
         if folded_away - _OF_CREW_AND_HAUL:
             self._experts.open()
         self._follow_classes()
+
+    def _count_what_is_folded_away(self) -> None:
+        """Say how many values in the folded parts are not as in the default orchard.
+
+        A preset sets some there, and they stay when a user types other rows over it.
+        """
+        default = flat(Scenario())
+        own = set[str]()
+        for path, value in self._draft.values.items():
+            if value != default[path]:
+                own.add(path)
+        own -= _ALWAYS_SEEN
+        self._crew.set_text(folded_title(CREW_TITLE, len(own & _OF_CREW_AND_HAUL)))
+        self._experts.set_text(folded_title(EXPERTS_TITLE, len(own - _OF_CREW_AND_HAUL)))
 
     def _mark_differences(self, running: Scenario | None) -> None:
         """Mark the values that the scenario that runs has not. None: no scenario runs."""
@@ -208,6 +221,17 @@ class Form:
             if path.split(".")[0] in AGENTS:
                 problems.append(text)
         self._problem.set_text("\n".join(problems))
+
+
+def folded_title(title: str, own: int) -> str:
+    """Return the title of a folded part. `own`: how many of its values are not the default.
+
+    >>> folded_title("For experts", 2), folded_title("For experts", 0)
+    ('For experts (2 set)', 'For experts')
+    """
+    if not own:
+        return title
+    return f"{title} ({own} set)"
 
 
 def _group(title: str) -> ui.element:

@@ -14,6 +14,7 @@ DEADLINE_LABEL = "Done within"
 BUDGET_LABEL = "Time to take, s"
 # Options that the page has no field for, with the words that speak of them.
 ONLY_IN_COMMANDS = (
+    re.compile(r"^command line: "),
     re.compile(r"; --model full asks the simulator"),
     re.compile(r"; a study without --sensitivity runs the ends themselves: --vary \S+"),
 )
@@ -21,6 +22,7 @@ ONLY_IN_COMMANDS = (
 OPTIONS = (
     (re.compile(r"--finish-(within|by)( [0-9.]+(h|d|min))?"), DEADLINE_LABEL),
     (re.compile(r"--budget( [0-9.]+s)?"), f"“{BUDGET_LABEL}”"),
+    (re.compile(r"--duration"), "“End after”"),
     (re.compile(r"--horizon harvest"), "“one harvest”"),
     (re.compile(r"--horizon long"), "“the long run”"),
 )

@@ -9,7 +9,7 @@ from orchard.app.draft import Draft
 MOST_STEPS = 20
 
 
-class Step(NamedTuple):
+class PutAway(NamedTuple):
     """One replacement. `draft`: what it put away. `name`: of what it put in place."""
 
     draft: Draft
@@ -23,12 +23,12 @@ class Replaced:
     Undo and Redo lose nothing: each keeps what it puts away, also what was typed meanwhile.
     """
 
-    undoable: list[Step] = field(default_factory=list)
-    redoable: list[Step] = field(default_factory=list)
+    undoable: list[PutAway] = field(default_factory=list)
+    redoable: list[PutAway] = field(default_factory=list)
 
     def replace(self, before: Draft, name: str) -> None:
         """Keep what is replaced by something of this name."""
-        self.undoable = [*self.undoable, Step(before, name)][-MOST_STEPS:]
+        self.undoable = [*self.undoable, PutAway(before, name)][-MOST_STEPS:]
         self.redoable = []
 
     def undo(self, now: Draft) -> Draft:
@@ -37,7 +37,7 @@ class Replaced:
         Raises IndexError if there is no step.
         """
         step = self.undoable.pop()
-        self.redoable.append(Step(now, step.name))
+        self.redoable.append(PutAway(now, step.name))
         return step.draft
 
     def redo(self, now: Draft) -> Draft:
@@ -46,5 +46,5 @@ class Replaced:
         Raises IndexError if nothing was undone.
         """
         step = self.redoable.pop()
-        self.undoable.append(Step(now, step.name))
+        self.undoable.append(PutAway(now, step.name))
         return step.draft

@@ -43,6 +43,7 @@ UNITS = {"h": "hours of work", "d": "days"}
 HORIZONS = {"long": "the long run", "harvest": "one harvest"}
 # Characters of the part of an answer that is shown large.
 LONGEST_HEADLINE = 60
+NOT_STARTED = "The study was not started"
 # Lines of a study that failed, which are shown.
 LAST_WORDS = 12
 
@@ -223,8 +224,15 @@ class StudyView:
         try:
             self._studies.start(partial(StudyRun, scenario, settings))
         except (OSError, RuntimeError) as error:
-            return f"The study was not started: {error}"
+            return f"{NOT_STARTED}: {error}"
         return ""
+
+    def _forget_what_is_mended(self) -> None:
+        """Take away why a study was refused, once nothing is wrong with what is entered."""
+        scenario = self._drafted()
+        refused = self._trouble.text and not self._trouble.text.startswith(NOT_STARTED)
+        if refused and scenario is not None and not self._settings.problem_with(scenario):
+            self._trouble.set_text("")
 
     def _download(self) -> None:
         # Its packages are an extra.
@@ -267,6 +275,7 @@ class StudyView:
 
     async def _watch(self) -> None:
         """Show what is new of the study."""
+        self._forget_what_is_mended()
         self._update_buttons()
         study = self._studies.command
         if study is None:

@@ -14,6 +14,7 @@ from orchard.app.draft import title_of
 from orchard.app.elements import heading, note, table, tiles
 from orchard.app.getting_ready import compiled_count, getting_ready_words
 from orchard.app.harvest_run import HarvestCommand
+from orchard.app.page_words import in_page_words
 from orchard.app.picture import IFrame
 from orchard.app.preview import PlanView
 from orchard.app.runs_view import RunsView
@@ -201,7 +202,8 @@ class SummaryView:
             else:
                 ui.label("There is no summary. The last messages of the run:").classes("hint")
                 _, lines = run.output
-                ui.label("\n".join(lines[-LAST_LINES:])).classes("last-words")
+                last = map(in_page_words, lines[-LAST_LINES:])
+                ui.label("\n".join(last)).classes("last-words")
 
     def _add_what_if(self, run: HarvestCommand, summary: dict[str, Any]) -> None:
         """Add the time line of a run, from which a fork can go on."""
@@ -219,7 +221,7 @@ def _show_result(run: HarvestCommand, state: RunState) -> None:
         figures = []
     else:
         outcome = msgspec.convert(run.summary, Outcome)
-        heading(3, sentence(outcome))
+        heading(3, in_page_words(sentence(outcome)))
         ui.label(limit_sentence(outcome))
         figures = six_figures(run.summary)
     ui.label(f"{title}, {run.settings.mode}, {state}, {run.files.name}").classes("path")

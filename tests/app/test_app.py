@@ -41,6 +41,9 @@ def test_a_preset_can_be_undone(browser):
     browser.wait_until(lambda: browser.problem("row_length"), "an invalid value")
     browser.click("[data-preset=hand_picking]")
     browser.wait_until(lambda: browser.tree_lines() == 27, "the preset, of 26 rows")
+    browser.wait_until(
+        lambda: "set)" in browser.view("experts").text, "values of the preset that are folded away"
+    )
     browser.reload()
     browser.press("undo")
     browser.wait_until(

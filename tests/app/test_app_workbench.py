@@ -392,6 +392,11 @@ def test_a_deadline_is_entered_and_the_fleet_is_told(browser):
     assert not page.one("[data-action=study-start]").is_enabled()
     page.fill("study-deadline", "1")
     page.wait_until(lambda: page.problem("study") == "", "a deadline")
+    page.fill("prices.picker_per_hour", "28")
+    page.press("study-start")
+    page.wait_until(lambda: "Price of a carrier: is" in page.problem("study"), "what is missing")
+    page.fill("prices.carrier_per_hour", "14")
+    page.wait_until(lambda: page.problem("study") == "", "it is there")
     assert page.one("[data-action=study-start]").text.endswith("Which fleet?")
     page.unfold("study-more")
     assert violations(page) == []

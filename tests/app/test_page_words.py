@@ -21,6 +21,8 @@ LINES = [
         "the fast model alone answers",
     ),
     ("there was no time for row_width=4", "there was no time for “Spacing of rows”=4"),
+    ("Ended by --duration after 4:00 min", "Ended by “End after” after 4:00 min"),
+    ("command line: carriers = 1: 1 cannot be taken away", "carriers = 1: 1 cannot be taken away"),
     ("wait: of pickers, for an empty bin", "wait: of pickers, for an empty bin"),
 ]
 

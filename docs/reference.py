@@ -25,7 +25,7 @@ from orchard.plans import course, robot_memory, sense
 from orchard.plans.route import OneWay
 from orchard.plans.two_way import TwoWay
 from orchard.sim import deeds
-from orchard.sim.kernels import move
+from orchard.sim.kernels import move, picking
 
 HEAD = """<!-- Made by docs/reference.py and docs/templates/results.md.in from the constants of the
 code: `make docs`. -->
@@ -310,11 +310,11 @@ def _work() -> str:
    begins at the west end of its first row, the second one at the east end, and so on
    (`rows_to_pickers`). Each picks its rows eastward and westward in turn.
 2. The bin fills with the metres that its picker drives in the unpicked part of a row, within
-   {move.LANE_REACH:g} m of the lane's centre line. Picking begins at an end of the row and goes on
-   where it ended, give or take {move.PICK_REACH:g} m; after `pickfrom` it begins at that x. There
-   physics limits the picker's speed to the row's picking speed: the scenario's picking speed, or
-   what `picking.spread` draws. A row fills one bin, or `metres_per_bin` do ([several bins a
-   row](bounds.md#several-bins-a-row)).
+   {picking.LANE_REACH:g} m of the lane's centre line. Picking begins at an end of the row and
+   goes on where it ended, give or take {picking.PICK_REACH:g} m; after `pickfrom` it begins at
+   that x. There physics limits the picker's speed to the row's picking speed: the scenario's
+   picking speed, or what `picking.spread` draws. A row fills one bin, or `metres_per_bin` do
+   ([several bins a row](bounds.md#several-bins-a-row)).
 3. The picker leaves the full bin in the lane's mouth, drives {way_out:g} m out of the lane, and
    asks for an empty bin. After its last row it drives {OneWay.PARKED - OneWay.WAITING:g} m further
    with its empty bin, and stays there.

@@ -12,7 +12,7 @@ from orchard.field.passes import FULL_WITHIN
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.sim.kernels.boxes import RADIUS, boxes_of
 from orchard.sim.kernels.grid import Grid, frame_of, grid_of, space_for
-from orchard.sim.kernels.move import ANYWHERE, NONE, full_bins, picked_metres
+from orchard.sim.kernels.picking import ANYWHERE, NONE, full_bins, picked_metres
 from orchard.sim.stretches import stretches_of
 
 # m: the smallest side of a cell in the grid of bodies. Smaller cells cost more time than they save.
@@ -203,7 +203,7 @@ class World:
         # False for a flattened weed.
         self.alive = np.ones(n, dtype=bool)
         # (r, 4) m: picked from the west end, and from the east end; and how far a part inside is
-        # picked, from both ends. As `Rows.picked` in orchard/sim/kernels/move.py.
+        # picked, from both ends. As `Rows.picked` in orchard/sim/kernels/picking.py.
         self.row_ends = np.zeros((rows, 4))
         # m: x before which this picker picks nothing.
         self.pick_from = np.full(n, ANYWHERE)

@@ -59,8 +59,11 @@ CONFIDENCE = 0.95
 # A setting is as good as the best if it is at most this share behind.
 WITHIN = 0.03
 FIRST_SEED = 1000
+# Replications after which the interval of a setting's own rate is looked at.
+COUNTS = (5, 10, 20, 40)
 # What is asked of a study: whether each of these held the truth.
-FIXED = f"one setting, {LOOKS[0]} replications"
+ALONE = {count: f"one setting, {count} replications" for count in COUNTS}
+AT_END = "one setting, when the study ends"
 LEADS = "a study, the leads of the best mean together"
 STANDINGS = "a study, what it says of all settings together"
 
@@ -130,10 +133,11 @@ def studied(pool: np.ndarray, study: int) -> tuple[int, list[tuple[str, bool]]]:
     rates = pool[rows]
     comparison = compared(rates)
     results = list(outcomes(comparison, truth))
-    for values, true_rate in zip(rates[: LOOKS[0]].T, truth, strict=True):
-        known = interval(values.tolist(), CONFIDENCE)
-        if has_width(known):
-            results.append((FIXED, holds(known, true_rate)))
+    for count, kind in (*ALONE.items(), (comparison.count, AT_END)):
+        for values, true_rate in zip(rates[:count].T, truth, strict=True):
+            known = interval(values.tolist(), CONFIDENCE)
+            if has_width(known):
+                results.append((kind, holds(known, true_rate)))
     return comparison.count, results
 
 
@@ -141,7 +145,7 @@ def tell(name: str, pool: np.ndarray, studies: int) -> None:
     """Do all studies of an orchard, and print how often each held the truth."""
     counts, results = zip(*(studied(pool, study) for study in range(studies)), strict=True)
     print(f"{name}, {pool.shape[1]} settings, {fmean(counts):.1f} replications of each on average")
-    for kind in (FIXED, LEADS, STANDINGS):
+    for kind in (*ALONE.values(), AT_END, LEADS, STANDINGS):
         held = [is_held for asked, is_held in chain.from_iterable(results) if asked == kind]
         if not held:
             print(f"  {kind}: no interval, because all runs agree")

@@ -13,6 +13,7 @@ The intervals are Student's, wider where the residuals are skewed: then few runs
 rare, and Student's interval ends too early on the side of the long tail. N. J. Johnson says by how
 much (Modified t Tests and Confidence Intervals for Asymmetrical Populations, Journal of the
 American Statistical Association 73, 1978, pages 536 to 544). Here both ends move outward by that.
+The interval of a setting's own figure is of the same kind (`interval`).
 
 A study looks at the intervals up to len(LOOKS) times. The best mean is that of the same runs, so
 the interval of each pair of settings may be one that counts. By Bonferroni's rule each look and
@@ -46,23 +47,38 @@ LOOKS = (10, 20, 40, 80)
 ROUNDING = 1e-12
 
 
-def interval(values: Sequence[float], confidence: float) -> Interval:
-    """Return the mean with its t interval. With one value, or equal ones, it has no width."""
-    count = len(values)
-    mean = float(np.mean(values))
-    if count < 2 or np.ptp(values) == 0.0:
-        return Interval(mean=mean, low=mean, high=mean)
-    half = _half(float(np.std(values, ddof=1)), count, 1.0 - confidence)
-    return Interval(mean=mean, low=mean - half, high=mean + half)
+@dataclass(frozen=True)
+class SampleSpread:
+    """How values spread around their mean.
 
-
-def _half(deviation: float, count: int, error: float) -> float:
-    """Return half the width of a t interval.
-
-    `deviation`: standard deviation of the `count` values. `error`: the chance that the interval
-    does not contain the true mean.
+    Those of a lead are its residuals, as a share of the setting's own mean.
     """
-    return _quantile(count, error) * deviation / math.sqrt(count)
+
+    deviation: float
+    skewness: float
+
+    @classmethod
+    def of(cls, residuals: np.ndarray) -> "SampleSpread":
+        """Return the spread of values less their mean, (seeds,). They are not all alike."""
+        # As a share of the largest one, so that no power is too small for a float.
+        shares = residuals / np.max(np.abs(residuals))
+        root_of_mean_square = math.sqrt(float(np.mean(shares**2)))
+        skewness = float(np.mean(shares**3)) / root_of_mean_square**3
+        return cls(deviation=float(np.std(residuals, ddof=1)), skewness=skewness)
+
+    def half(self, count: int, error: float) -> float:
+        """Return half the width of the interval of the mean after `count` replications.
+
+        `error`: the chance that the interval does not contain the true mean.
+        """
+        quantile = _quantile(count, error)
+        # Johnson's correction of Student's statistic, solved for the end on the long tail's side.
+        further = abs(self.skewness) * (1.0 + 2.0 * quantile**2) / (6.0 * math.sqrt(count))
+        return (quantile + further) * self.deviation / math.sqrt(count)
+
+    def half_of_student(self, count: int, error: float) -> float:
+        """Return half the width of Student's interval after `count` replications."""
+        return _quantile(count, error) * self.deviation / math.sqrt(count)
 
 
 def _quantile(count: int, error: float) -> float:
@@ -70,33 +86,14 @@ def _quantile(count: int, error: float) -> float:
     return float(special.stdtrit(count - 1, 1.0 - error / 2.0))
 
 
-@dataclass(frozen=True)
-class LeadSpread:
-    """How the residuals of a lead spread, as a share of the setting's own mean."""
-
-    deviation: float
-    skewness: float
-
-    @classmethod
-    def of(cls, residuals: np.ndarray) -> "LeadSpread":
-        """Return the spread of residuals, (seeds,). Their mean is 0, and they are not all alike."""
-        root_of_mean_square = math.sqrt(float(np.mean(residuals**2)))
-        skewness = float(np.mean(residuals**3)) / root_of_mean_square**3
-        return cls(deviation=float(np.std(residuals, ddof=1)), skewness=skewness)
-
-    def half(self, count: int, error: float) -> float:
-        """Return half the width of the interval of the lead after `count` replications.
-
-        `error`: the chance that the interval does not contain the true lead.
-        """
-        quantile = _quantile(count, error)
-        # Johnson's correction of Student's statistic, solved for the end on the long tail's side.
-        further = abs(self.skewness) * (1.0 + 2.0 * quantile**2) / (6.0 * math.sqrt(count))
-        return (quantile + further) * self.deviation / math.sqrt(count)
-
-    def half_alone(self, count: int, error: float) -> float:
-        """Return half the width of Student's interval after `count` replications."""
-        return _half(self.deviation, count, error)
+def interval(values: Sequence[float], confidence: float) -> Interval:
+    """Return the mean with its interval. With one value, or equal ones, it has no width."""
+    count = len(values)
+    mean = float(np.mean(values))
+    if count < 2 or np.ptp(values) == 0.0:
+        return Interval(mean=mean, low=mean, high=mean)
+    half = SampleSpread.of(np.subtract(values, mean)).half(count, 1.0 - confidence)
+    return Interval(mean=mean, low=mean - half, high=mean + half)
 
 
 @dataclass(frozen=True)
@@ -118,7 +115,7 @@ class Comparison:
     #: could change, but that was the same on so many seeds that it counts, has no width.
     leads: Mapping[int, Interval | None]
     #: Setting -> how its lead spreads. Leads without a width are not here.
-    spreads: Mapping[int, LeadSpread]
+    spreads: Mapping[int, SampleSpread]
     #: The setting with the best mean.
     top: int
     #: Settings that cannot be the best: even their limit is behind the best mean by `within`.
@@ -232,7 +229,7 @@ class Comparison:
             # Nothing is known of it, so the next look is worth trying; or all of it is known.
             return True
         is_on_one_side = spread.half(look, self.error) < abs(self.ahead[i] - self.within)
-        half_alone = spread.half_alone(look, 1.0 - self.confidence)
+        half_alone = spread.half_of_student(look, 1.0 - self.confidence)
         return is_on_one_side or half_alone <= self.within / 2.0
 
 
@@ -267,7 +264,7 @@ def compare(
     error = (1.0 - confidence) / len(LOOKS) / max(1, pairs or math.comb(len(samples), 2))
     leads: dict[int, Interval | None] = {}
     ahead: dict[int, float] = {}
-    spreads: dict[int, LeadSpread] = {}
+    spreads: dict[int, SampleSpread] = {}
     agreeing = []
     for i, values in samples.items():
         lead, residuals = _lead(samples[top], values)
@@ -277,7 +274,7 @@ def compare(
         if i == top or {i, top} <= set(without_chance):
             continue
         if np.ptp(residuals) > ROUNDING:
-            spreads[i] = LeadSpread.of(residuals)
+            spreads[i] = SampleSpread.of(residuals)
             half = spreads[i].half(len(values), error)
             leads[i] = Interval(mean=lead, low=lead - half, high=lead + half)
         elif 2.0 ** (1 - len(values)) <= error:

@@ -24,6 +24,7 @@ from orchard.study.break_even import break_even_words
 from orchard.study.checking import checked_settings
 from orchard.study.farm_file import Farm, FarmBlock
 from orchard.study.options import StudyOptions
+from orchard.study.plus_minus import do_robots_fail
 from orchard.study.result import Interval, Row, Standing, StudyResult
 from orchard.study.runs import RunFailed, software
 from orchard.study.settings import (
@@ -82,6 +83,8 @@ class FarmResult:
     violations: list[str] = field(default_factory=list)
     #: Settings of which a run of a block failed, as by an error in a policy. `notes` tell which.
     failed: list[dict[str, Any]] = field(default_factory=list)
+    #: Whether robots may fail in any block, and their harvests last longer then.
+    do_robots_fail: bool = False
 
     @property
     def best_row(self) -> FarmRow | None:
@@ -186,7 +189,9 @@ def farm_problems(
 def sum_of(parts: Sequence[tuple[Interval, int]], confidence: float) -> Interval:
     """Return the interval of a sum of independent means, by Welch and Satterthwaite.
 
-    `parts`: each mean with its t interval of this confidence, and the number of its runs.
+    `parts`: each mean with its interval of this confidence, and the number of its runs. By as much
+    as that of a part is wider than Student's, because its runs are skewed, its deviation counts as
+    larger.
     """
     mean = sum(part.mean for part, _ in parts)
     # The variance of the sum of means, and the terms of its degrees of freedom by Satterthwaite.
@@ -259,6 +264,7 @@ def _result(
         version=software(),
         violations=sorted(violations),
         failed=failed,
+        do_robots_fail=any(do_robots_fail(each.scenario, varied) for each in results),
     )
 
 

@@ -8,6 +8,7 @@ from rich.table import Table
 
 from orchard.study.answer_words import failed_words
 from orchard.study.farm import FarmResult, FarmRow
+from orchard.study.plus_minus import plus_minus_words
 from orchard.study.settings import CARRIERS
 from orchard.study.table import MARKS, STYLES
 from orchard.study.words import counted, interval_words, key_words, setting_words, value_words
@@ -77,8 +78,8 @@ def legend(result: FarmResult) -> str:
     most = max(max(row.replications.values()) for row in result.table)
     return (
         f"* the answer; = within {100.0 * result.within:g} % of the shortest; ? the runs do not"
-        f" tell. Harvests in s, up to {most} runs in each block; ± interval of"
-        f" {100.0 * result.confidence:g} % confidence."
+        f" tell. Harvests in s, up to {most} runs in each block;"
+        f" {plus_minus_words(result.confidence, most, result.do_robots_fail)}."
     )
 
 

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from orchard.field.scenario.sections import SPREADS
 from orchard.report.costs import PAYMENTS
+from orchard.study.plus_minus import do_robots_fail, plus_minus_words
 from orchard.study.result import Interval, Model, Row, Standing, StudyResult
 from orchard.study.words import (
     counted,
@@ -39,13 +40,11 @@ STYLES: dict[Standing, str] = {"best": "bold"}
 LEGEND_OF_MARKS = (
     "* the {answer}; = within {within:g} % of the best, for certain; ? the runs do not tell."
 )
-LEGEND_OF_RUNS = (
-    "{runs} of each by the {model}, on the same seeds; ± interval of {confidence:g} % confidence."
-)
+LEGEND_OF_RUNS = "{runs} of each by the {model}, on the same seeds; {plus_minus}."
 LEGEND_OF_BEHIND = "behind: how far behind the best mean{given}, which has -."
 LEGEND_OF_DEADLINE = (
     "* the answer; ? not decided; in time: harvests that were done {deadline}, of those that were "
-    "run by the {model}, on the same seeds; ± interval of {confidence:g} % confidence."
+    "run by the {model}, on the same seeds; {plus_minus}."
 )
 LEGEND_OF_COLUMNS = (
     "wait: of a picker that stands at its row's end, for an empty bin. "
@@ -217,7 +216,6 @@ def legend(result: StudyResult) -> str:
     """Return what the marks, the intervals and the columns mean."""
     texts = {
         "within": 100.0 * result.within,
-        "confidence": 100.0 * result.confidence,
         "deadline": result.deadline,
         "answer": "answer",
         "given": "",
@@ -231,12 +229,22 @@ def legend(result: StudyResult) -> str:
 
 
 def _run_texts(result: StudyResult) -> dict[str, str]:
-    """Return how many runs of a setting there are at most, and by which model, in words."""
+    """Return how many runs of a setting there are at most, by which model, and how sure they are,
+    in words.
+    """
     most = max((row.replications for row in result.table), default=0)
     model: Model = "fast"
     if result.table:
         model = result.table[0].model
-    return {"runs": counted("runs", most), "model": MODELS[model]}
+    harvests = most
+    if result.horizon == "long":
+        harvests = 0
+    may_fail = do_robots_fail(result.scenario, result.varied)
+    return {
+        "runs": counted("runs", most),
+        "model": MODELS[model],
+        "plus_minus": plus_minus_words(result.confidence, harvests, may_fail),
+    }
 
 
 def _legend_sentences(result: StudyResult) -> list[str]:

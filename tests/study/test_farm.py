@@ -21,11 +21,11 @@ from orchard.field.problems import ScenarioError
 from orchard.field.scenario import load
 from orchard.report.limits import full_bins
 from orchard.study import study as module
-from orchard.study.comparing import interval
 from orchard.study.farm import farm_study, sum_of
 from orchard.study.farm_file import is_farm, read_farm
 from orchard.study.farm_words import answer
 from orchard.study.options import StudyOptions
+from orchard.study.result import Interval
 
 # Two blocks, the file of a farm of both, and a line with a fleet.
 TOP = """\
@@ -62,13 +62,20 @@ def problems(path: Path, *varied: str) -> str:
     return str(raised.value)
 
 
+def of_student(sample) -> Interval:
+    """Return the mean of a sample with Student's interval of 95 %."""
+    mean = float(np.mean(sample))
+    half = float(stats.t.ppf(0.975, len(sample) - 1) * stats.sem(sample))
+    return Interval(mean=mean, low=mean - half, high=mean + half)
+
+
 @settings(max_examples=20)
 @given(st.lists(st.lists(st.floats(100.0, 900.0), min_size=3, max_size=9), min_size=2, max_size=4))
 def test_a_sum_has_the_sum_of_means_and_variances(samples):
-    """The interval is that of Welch: a t distribution, whose degrees of freedom follow from the
-    variances of the means (Welch and Satterthwaite).
+    """If the intervals of the parts are Student's, that of the sum is Welch's: a t distribution,
+    whose degrees of freedom follow from the variances of the means (Welch and Satterthwaite).
     """
-    parts = [(interval(sample, 0.95), len(sample)) for sample in samples]
+    parts = [(of_student(sample), len(sample)) for sample in samples]
     total = sum_of(parts, 0.95)
     assert total.mean == pytest.approx(sum(np.mean(sample) for sample in samples))
     variances = [np.var(sample, ddof=1) / len(sample) for sample in samples]

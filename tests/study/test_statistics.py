@@ -32,6 +32,27 @@ def test_the_t_interval_is_that_of_the_nist_handbook() -> None:
     assert found.high == pytest.approx(9.264679, abs=2e-6)
 
 
+def test_an_interval_is_wider_where_values_are_skewed() -> None:
+    """Ten values of 0 but one, which is 10: their mean is 1, their deviation the root of 10, and
+    their skewness 8/3. By Johnson the ends are t + skewness * (1 + 2 t^2) / (6 root of 10) standard
+    errors away, which are 1 here. t is 2.262 for ten values and 95 %.
+    """
+    for sign in (1.0, -1.0):
+        found = interval([0.0] * 9 + [10.0 * sign], 0.95)
+        assert found.mean == sign
+        further = 8.0 / 3.0 * (1.0 + 2.0 * 2.262157**2) / (6.0 * 10.0**0.5)
+        assert found.high - found.mean == pytest.approx(2.262157 + further, rel=1e-6)
+        assert found.mean - found.low == pytest.approx(2.262157 + further, rel=1e-6)
+
+
+def test_an_interval_is_known_of_tiny_values() -> None:
+    """A third power of them is too small for a float."""
+    size = 1e-120
+    ones = interval([1.0, 2.0, 4.0], 0.95)
+    found = interval([size, 2.0 * size, 4.0 * size], 0.95)
+    assert found.high - found.mean == pytest.approx(size * (ones.high - ones.mean))
+
+
 def test_of_one_value_or_equal_values_low_and_high_are_the_mean() -> None:
     for values in ([5.0], [5.0, 5.0, 5.0]):
         assert (interval(values, 0.95).low, interval(values, 0.95).high) == (5.0, 5.0)
@@ -360,7 +381,7 @@ def test_intervals_hold_the_repairmans_published_figures() -> None:
     for truth, values in zip((REPAIRED, WAIT), zip(*shops, strict=True), strict=True):
         all_of_them = interval(values, 0.999)
         assert all_of_them.low <= truth <= all_of_them.high
-        assert all_of_them.high - all_of_them.low < 0.2 * truth
+        assert all_of_them.high - all_of_them.low < 0.21 * truth
         studies = [
             interval(values[first : first + REPLICATIONS], 0.95)
             for first in range(0, len(values), REPLICATIONS)

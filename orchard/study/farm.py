@@ -25,7 +25,7 @@ from orchard.study.checking import checked_settings
 from orchard.study.farm_file import Farm, FarmBlock
 from orchard.study.options import StudyOptions
 from orchard.study.plus_minus import do_robots_fail
-from orchard.study.result import Interval, Row, Standing, StudyResult
+from orchard.study.result import Interval, Row, Standing, StoppedBy, StudyResult
 from orchard.study.runs import RunFailed, software
 from orchard.study.settings import (
     CARRIERS,
@@ -83,6 +83,8 @@ class FarmResult:
     violations: list[str] = field(default_factory=list)
     #: Settings of which a run of a block failed, as by an error in a policy. `notes` tell which.
     failed: list[dict[str, Any]] = field(default_factory=list)
+    #: Why the study of a block made no more replications: the first one that is not certain.
+    stopped_by: StoppedBy = "certain"
     #: Whether robots may fail in any block, and their harvests last longer then.
     do_robots_fail: bool = False
 
@@ -264,8 +266,22 @@ def _result(
         version=software(),
         violations=sorted(violations),
         failed=failed,
+        stopped_by=_stopped_by(results),
         do_robots_fail=any(do_robots_fail(each.scenario, varied) for each in results),
     )
+
+
+def _stopped_by(results: Sequence[StudyResult]) -> StoppedBy:
+    """Return why no more replications were made: by what the first block that is not certain was
+    ended, but by the user if any was.
+    """
+    reasons = [result.stopped_by for result in results]
+    if "stopped" in reasons:
+        return "stopped"
+    for reason in reasons:
+        if reason != "certain":
+            return reason
+    return "certain"
 
 
 def _failed(results: Sequence[StudyResult]) -> list[dict[str, Any]]:
@@ -404,10 +420,11 @@ def _notes(
         " of their variances",
     ]
     if missing:
-        notes.append(
-            f"the budget did not allow a run in every block of {len(missing)} of"
-            f" {len(missing) + len(rows)} settings: they are left out. --budget"
-        )
+        some = f"{len(missing)} of {len(missing) + len(rows)} settings"
+        note = f"the budget did not allow a run in every block of {some}: left out. --budget"
+        if _stopped_by(results) == "stopped":
+            note = f"the study was stopped before a run in every block of {some}: left out"
+        notes.append(note)
     if any(result.scenario["prices"] != Scenario().prices.model_dump() for result in results):
         notes.append("prices of the blocks are not used: a farm is asked for its time")
     if any(result.scenario["shift"]["begin"] is not None for result in results):

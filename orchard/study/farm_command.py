@@ -4,13 +4,16 @@ import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from pathlib import Path
 
 from rich.progress import TextColumn
 
 from orchard.field.problems import Problem, ScenarioError
 from orchard.report.summary import write_summary
+from orchard.study.asking import problems_of_files
 from orchard.study.command_options import StudyArguments
-from orchard.study.farm import farm_study
+from orchard.study.ending import STOPPED, tell_if_lost, unwritten
+from orchard.study.farm import FarmResult, farm_study
 from orchard.study.farm_file import Farm, read_farm
 from orchard.study.farm_words import answer, as_table
 from orchard.study.options import StudyOptions
@@ -30,7 +33,7 @@ _NOT_OF_A_FARM = {
 _GOALS = ("harvest_seconds", "bins_per_hour")
 
 
-def farm_question(chosen: StudyArguments) -> tuple[Farm, Varied]:
+def farm_question(chosen: StudyArguments, options: StudyOptions) -> tuple[Farm, Varied]:
     """Return the farm and what varies. Raises ScenarioError with all that is wrong."""
     assert chosen.scenario is not None
     varied, problems = varied_of(chosen.vary or [CARRIERS])
@@ -43,7 +46,7 @@ def farm_question(chosen: StudyArguments) -> tuple[Farm, Varied]:
     if isinstance(chosen.goal, str) and chosen.goal not in _GOALS:
         text = "a farm is asked for its time; leave out --goal"
         problems.append(Problem(f"--goal {chosen.goal}", text))
-    problems += chosen.problems()
+    problems += [*chosen.problems(), *problems_of_files(chosen, options)]
     try:
         farm = read_farm(chosen.scenario, list(varied))
     except ScenarioError as error:
@@ -59,7 +62,7 @@ def run_farm(
     is_stopped: Callable[[], bool],
 ) -> int:
     """Study a farm, print and write its answer. Return the exit code."""
-    farm, varied = farm_question(chosen)
+    farm, varied = farm_question(chosen, options)
     with _progress(chosen, len(farm.blocks)) as tell:
         result = farm_study(farm, varied, options, tell, is_stopped)
     result = replace(result, answer=answer(result))
@@ -71,15 +74,26 @@ def run_farm(
             console.print(as_table(result))
         for note in result.notes:
             print_line(f"- {note}")
+    if result.stopped_by == "stopped":
+        print_error(STOPPED)
+    files = {}
     if chosen.summary is not None:
-        write_summary(chosen.summary, asdict(result))
+        files[chosen.summary] = _save_summary
+    are_written = not unwritten(files, result)
+    is_told = tell_if_lost()
     for violation in result.violations:
         print_error(violation)
-    if not result.table and not result.failed:
+    if not result.table and not result.failed and result.stopped_by == "budget":
         print_error("the budget is too short for one run in each block: --budget")
-    if result.violations or result.failed or not result.table:
-        return FAILED
-    return FINISHED
+    is_sound = result.table and not result.violations and not result.failed
+    if is_sound and are_written and is_told:
+        return FINISHED
+    return FAILED
+
+
+def _save_summary(result: FarmResult, path: Path) -> None:
+    """Write a result as JSON. Raises OSError."""
+    write_summary(path, asdict(result))
 
 
 @contextmanager

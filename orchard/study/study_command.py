@@ -19,6 +19,7 @@ from orchard.report.summary import write_summary
 from orchard.study.asking import problems_of_files, read_scenario
 from orchard.study.checking import checked_settings, refused_and_left_out
 from orchard.study.command_options import StudyArguments
+from orchard.study.ending import STOPPED, tell_if_lost, unwritten
 from orchard.study.farm_command import run_farm
 from orchard.study.farm_file import is_farm
 from orchard.study.finishing import OF_FLEETS, finish_problems, finish_study
@@ -35,7 +36,6 @@ from orchard.terminal.exits import FAILED, FINISHED, exit_on_errors
 from orchard.terminal.output import (
     bar,
     console,
-    is_answer_lost,
     own_classes_run,
     print_error,
     print_line,
@@ -45,11 +45,6 @@ from orchard.terminal.signals import stoppable
 # Options that have another name in StudyOptions.
 NAMES = {"budget": "budget_seconds", "out": "store"}
 Save = Callable[[StudyResult, Path], None]
-STOPPED = "stopped; the runs so far are kept, and the same command goes on from there"
-LOST = (
-    "stdout could not be written, so the answer is lost; the runs are kept, and the same command"
-    " prints it at once"
-)
 # A context that prints these errors, and exits with the code FAILED.
 failures = partial(exit_on_errors, WorkersError, RunFailed, StoreFailed, code=FAILED)
 
@@ -83,23 +78,11 @@ def run_study(chosen: StudyArguments) -> int:
         return FAILED
     for violation in result.violations:
         print_error(violation)
-    unwritten = list(_unwritten(_files(chosen), result))
+    are_written = not unwritten(_files(chosen), result)
     is_told = tell_if_lost()
-    if result.violations or result.has_failures or unwritten or not is_told:
+    if result.violations or result.has_failures or not (are_written and is_told):
         return FAILED
     return FINISHED
-
-
-def tell_if_lost() -> bool:
-    """Say on stderr if stdout could not be written, so that the answer is lost. Return True if it
-    is not lost.
-
-    There was a warning at the first loss, but it may be minutes old, and says that the run goes on.
-    """
-    if not is_answer_lost():
-        return True
-    print_error(LOST)
-    return False
 
 
 def _question(chosen: StudyArguments) -> tuple[Scenario, Varied]:
@@ -182,16 +165,6 @@ def _save_by(module: str, result: StudyResult, path: Path) -> None:
     The module is imported only now: it loads matplotlib, which takes half a second.
     """
     import_module(f"orchard.study.{module}").save(result, path)
-
-
-def _unwritten(files: dict[Path, Save], result: StudyResult) -> Iterator[Path]:
-    """Write all files, and yield those that cannot be written."""
-    for path, save in files.items():
-        try:
-            save(result, path)
-        except OSError as error:
-            print_error(f"{path}: not written: {error.strerror or error}")
-            yield path
 
 
 def _print(result: StudyResult, as_json: bool) -> None:

@@ -113,6 +113,27 @@ def test_a_farm_takes_its_harvests_and_its_transfers(farm, tmp_path, monkeypatch
     assert any("no recording or picture shows them together" in note for note in result.notes)
 
 
+@pytest.mark.parametrize("name", ["farm.yaml", "top.yaml", "missing/summary.json"])
+def test_a_summary_that_cannot_be_written_is_told_first(farm, name, capfd):
+    """No file of the farm is replaced, and no harvest is done for nothing."""
+    path = farm.parent / name
+    before = (farm.read_text(), (farm.parent / "top.yaml").read_text())
+    done = called("study", farm, "--vary", "carriers=1", "--summary", path)
+    assert done.exit_code == 2 and done.stdout == ""
+    assert f"{path}: cannot be written: " in capfd.readouterr().err
+    assert (farm.read_text(), (farm.parent / "top.yaml").read_text()) == before
+
+
+def test_a_farm_that_is_stopped_does_not_blame_the_budget(farm, tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "processes", lambda _: FewRuns(0))
+    options = StudyOptions(store=tmp_path / "s.db")
+    varied = {"carriers": [1, 2]}
+    found = farm_study(read_farm(farm, ["carriers"]), varied, options, is_stopped=lambda: True)
+    assert found.stopped_by == "stopped"
+    (note,) = [note for note in found.notes if "in every block" in note]
+    assert note == "the study was stopped before a run in every block of 2 of 2 settings: left out"
+
+
 def test_a_farm_with_prices_tells_no_cost_of_a_robot(farm, tmp_path, monkeypatch):
     """It says that it does not use them."""
     monkeypatch.setattr(module, "processes", lambda _: FewRuns(1000))

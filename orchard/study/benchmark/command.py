@@ -27,11 +27,12 @@ from orchard.study.benchmark.instances import Instance, instances
 from orchard.study.benchmark.scores import Benchmark, BenchmarkResult
 from orchard.study.benchmark.submission import Submission, problems_of, read_submission
 from orchard.study.command_options import BenchmarkOptions
+from orchard.study.ending import STOPPED, tell_if_lost
 from orchard.study.kinds_of_files import SUBMISSION
 from orchard.study.options import StudyOptions
 from orchard.study.runs import software
 from orchard.study.store import Store, StoreError
-from orchard.study.study_command import STOPPED, failures, tell_if_lost
+from orchard.study.study_command import failures
 from orchard.study.workers import Workers, processes
 from orchard.terminal.exits import FAILED, FINISHED, as_typed, exit_on_errors
 from orchard.terminal.files import check_writable, one_file

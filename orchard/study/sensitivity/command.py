@@ -15,6 +15,7 @@ from orchard.field.scenario import Scenario
 from orchard.report.summary import write_summary
 from orchard.study.asking import problems_of_files, read_scenario
 from orchard.study.command_options import StudyArguments
+from orchard.study.ending import STOPPED, tell_if_lost, unwritten
 from orchard.study.farm_file import is_farm
 from orchard.study.options import StudyOptions
 from orchard.study.sensitivity.factors import Factor, factors_of
@@ -25,7 +26,6 @@ from orchard.terminal.exits import FAILED, FINISHED
 from orchard.terminal.output import bar, console, print_error, print_line
 
 Save = Callable[[SensitivityResult, Path], None]
-STOPPED = "stopped; the runs so far are kept, and the same command goes on from there"
 _NO_DEADLINE = (
     "looks for a fleet, and a sensitivity moves what is given; what the time hangs on: --horizon"
     " harvest --goal harvest_seconds"
@@ -42,14 +42,15 @@ def run_sensitivity(
 ) -> int:
     """Do a sensitivity study, print and write its result.
 
-    Return the exit code: 1 if there are too few runs for an answer, or a file cannot be written.
+    Return the exit code: 1 if there are too few runs for an answer, or it cannot be written.
     """
     scenario, factors = _question(chosen, options)
     with _progress(chosen) as tell:
         result = sensitivity(scenario, factors, options, tell, is_stopped)
     _print(result, chosen.progress == "json")
-    are_written = [_is_written(path, save, result) for path, save in _files(chosen, result).items()]
-    if result.effects and all(are_written):
+    are_written = not unwritten(_files(chosen, result), result)
+    is_told = tell_if_lost()
+    if result.effects and are_written and is_told:
         return FINISHED
     return FAILED
 
@@ -138,13 +139,3 @@ def _save_by(module: str, name: str, result: SensitivityResult, path: Path) -> N
     """
     save: Save = getattr(import_module(f"orchard.study.sensitivity.{module}"), name)
     save(result, path)
-
-
-def _is_written(path: Path, save: Save, result: SensitivityResult) -> bool:
-    """Write a file. Return whether that is done; if not, say why."""
-    try:
-        save(result, path)
-    except OSError as error:
-        print_error(f"{path}: not written: {error.strerror or error}")
-        return False
-    return True

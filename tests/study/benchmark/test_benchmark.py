@@ -26,8 +26,8 @@ from orchard.study.benchmark.instances import instances
 from orchard.study.benchmark.play import Played
 from orchard.study.benchmark.scores import Benchmark, BenchmarkResult, Harvests
 from orchard.study.command_options import BenchmarkOptions
+from orchard.study.ending import LOST
 from orchard.study.store import Store
-from orchard.study.study_command import LOST
 from orchard.study.workers import Workers, processes
 from orchard.terminal.output import console
 

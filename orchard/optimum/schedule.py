@@ -9,7 +9,8 @@ Why no dispatch policy can be faster than what is proven: each constraint here i
 simulator enforces too, and all its other rules are left out, so that the model allows more.
 
 - A picker goes on with its next row only once it has an empty bin. A carrier gets the lane's place
-  only once the picker has left it.
+  only once the picker has left it. A picker that is away meanwhile leaves it later: of that the
+  model has what follows if no picker ever waits for a carrier.
 - A job takes its carrier at least what its plan takes on free roads, and no more jobs are done at a
   time than there are carriers.
 - A harvest ends when the last carrier stands in the queue, behind the others of its line.
@@ -190,8 +191,10 @@ class Schedule:
         self.model = CpModel()
         # All variables of the model; see `_time`.
         self.times = list[IntVar]()
-        # No schedule need be longer than one in which one job is done after the other.
+        # No schedule need be longer than one in which one job is done after the other, once no
+        # picker is away any more.
         self.horizon = sum(job.ready + _carrier_ticks(job) + job.going_on for job in jobs)
+        self.horizon += max((job.all_there for job in jobs), default=0)
         # By job: when its carrier stops at its lane, and when it stands in the bay.
         self.stops = [self._time(earliest) for earliest in self._earliest()]
         self.bays = [self._time() for _ in jobs]
@@ -235,7 +238,7 @@ class Schedule:
             before = self._before(number)
             if before is not None:
                 went_on = earliest[before] + self.jobs[before].going_on
-            earliest.append(max(went_on + job.ready, job.approach))
+            earliest.append(max(job.earliest_stop(went_on), job.approach))
         return earliest
 
     @property

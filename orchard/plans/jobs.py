@@ -5,11 +5,13 @@ A job is an exchange of bins: a picker leaves a full bin, and a carrier brings a
 takes the full one to the bay. Bounds (orchard/report/bounds.py) and the proven schedule
 (orchard/optimum) are made of jobs. Times are in ticks, rounded down, with roads that are free. So
 no robot is faster, whatever carrier is sent. Failures, batteries, people, animals and errors of
-sensors are left out: they only make a harvest longer.
+sensors are left out: they only make a harvest longer. Absences of a picker depend on when a bin is
+begun: `TimedJob.absent` has them apart.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import floor
 from typing import NamedTuple
 
@@ -17,9 +19,11 @@ from orchard.field.geometry import Pose
 from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout
 from orchard.field.machines import Machine
+from orchard.field.picking import Absences
 from orchard.field.queue import CLOSED_UP
 from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
+from orchard.plans.absent_drives import AbsentDrive, absent_drive
 from orchard.plans.robot import ASK, Gate, Step
 from orchard.plans.route import OneWay, Side
 from orchard.plans.routes import route_of, timetable
@@ -32,6 +36,7 @@ from orchard.plans.steps import (
     Free,
     Haul,
     LeaveBin,
+    MayFail,
     Need,
     Unload,
 )
@@ -90,6 +95,23 @@ class TimedJob:
     to_head: int
     #: The same to where it stands when the harvest is over: behind the others of its line.
     to_rest: int
+    #: The drives on which the picker may go away, before it leaves the full bin.
+    absent: tuple[AbsentDrive, ...] = ()
+
+    @property
+    def all_there(self) -> int:
+        """The tick from which on its picker is not away any more; 0 if it never is."""
+        ends = [end for drive in self.absent for _, end in drive.absences]
+        return ticks(max(ends, default=0.0))
+
+    def earliest_stop(self, went_on: int) -> int:
+        """Return the earliest tick of the stop. `went_on`: that at which the picker went on, at the
+        earliest.
+        """
+        late = 0.0
+        for drive in self.absent:
+            late += drive.delay(went_on * TIME_STEP + drive.begins + late)
+        return went_on + self.ready + ticks(late)
 
 
 class TimedStep(NamedTuple):
@@ -285,7 +307,22 @@ def _job(route: OneWay, filling: Filling) -> TimedJob:
         in_bay=Unload().ticks(carrier),
         to_head=ticks(min(trip[-1].ends - begin_of(Unload, trip) for trip in trips)),
         to_rest=ticks(min(to_rest)),
+        absent=tuple(_absent_drives(filling, until=of_picker.at)),
     )
+
+
+def _absent_drives(filling: Filling, until: float) -> Iterator[AbsentDrive]:
+    """Yield the drives of a filling on which its picker may go away.
+
+    `until`: when the picker comes to the lane's place, s. A carrier waits for no drive after that.
+    """
+    for before, timed in pairwise(filling.steps):
+        absences: Absences = ()
+        if isinstance(before.step, MayFail):
+            absences = before.step.absences
+        if absences and isinstance(timed.step, DriveTo) and timed.begins < until:
+            begins = timed.begins - filling.went_on
+            yield absent_drive(timed.step, timed.pose, timed.speed, begins, absences)
 
 
 def trips_of(route: OneWay, row: int, side: Side) -> list[list[TimedStep]]:

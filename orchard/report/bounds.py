@@ -256,8 +256,25 @@ def proven_seconds(layout: Layout) -> float | None:
 
     None if the extra `optimum` is missing, and for agents, steps and some routes of the user's own.
     """
-    # The proof is the same for each policy. With one name for all it is kept once.
-    return _proven(lay_out(undisturbed(layout.scenario, dispatch=NEAREST)))
+    return _proven(_of_any_policy(layout))
+
+
+def proven_seconds_if_present(layout: Layout) -> float | None:
+    """Return the same if no picker were ever away, and each had the same rows."""
+    return _proven(with_nobody_away(_of_any_policy(layout)))
+
+
+def _of_any_policy(layout: Layout) -> Layout:
+    """Return the layout of a proof, which is the same for each policy. With one name for all it is
+    kept once.
+    """
+    return lay_out(undisturbed(layout.scenario, dispatch=NEAREST))
+
+
+def with_nobody_away(layout: Layout) -> Layout:
+    """Return the same layout, with the same rows for each picker, without absences of pickers."""
+    present = layout.scenario.model_copy(update={"picker_absences": {}})
+    return replace(layout, scenario=present)
 
 
 @lru_cache(maxsize=KEPT_LAYOUTS)

@@ -18,9 +18,10 @@ from orchard.plans.routes import ROUTES
 from orchard.report.bounds import (
     harvested,
     ideal_of,
-    proven_seconds,
+    proven_seconds_if_present,
     seconds_on_free_roads,
     undisturbed,
+    with_nobody_away,
 )
 
 
@@ -30,7 +31,7 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
 
     Each part is what comes on top of the parts before it:
 
-    - `optimum`: the time that is proven to be needed in any harvest without traffic;
+    - `optimum`: the time that is proven to be needed in any harvest without traffic and absences;
     - `dispatch`: what the policy, and robots that fail, lose without traffic;
     - `absences`: what pickers that are away cost;
     - `traffic`: what robots lose to each other;
@@ -81,7 +82,7 @@ def _parts_without_traffic(layout: Layout) -> dict[str, float]:
     """Return the parts of a harvest's length, s, that it has on free roads, with batteries that
     last and a bay that takes each bin at once.
     """
-    proven = proven_seconds(layout)
+    proven = proven_seconds_if_present(layout)
     # On free roads robots pass through each other: a carrier may stop at a lane while its picker
     # still stands there. So such a harvest can be shorter than what is proven, which then counts.
     present = with_nobody_away(without_waits(layout))
@@ -127,12 +128,6 @@ def with_endless_batteries(layout: Layout) -> Layout:
     battery = scenario.carrying.battery.model_copy(update={"hours": inf})
     carrying = scenario.carrying.model_copy(update={"battery": battery})
     return replace(layout, scenario=scenario.model_copy(update={"carrying": carrying}))
-
-
-def with_nobody_away(layout: Layout) -> Layout:
-    """Return the same layout, with the same rows for each picker, without absences of pickers."""
-    present = layout.scenario.model_copy(update={"picker_absences": {}})
-    return replace(layout, scenario=present)
 
 
 def with_nothing_to_wait_for(layout: Layout) -> Layout:

@@ -5,6 +5,7 @@ orchards of all kinds, in the event model.
 from collections.abc import Iterator
 from math import isnan, nan
 from random import Random
+from statistics import fmean
 from typing import Any
 
 import pytest
@@ -123,6 +124,63 @@ def assert_no_limit_is_passed(layout: Layout) -> tuple[float, float]:
 def test_no_harvest_of_any_kind_passes_its_limits() -> None:
     for layout in all_kinds(1, 4):
         assert_no_limit_is_passed(layout)
+
+
+def with_absences(seed: int, count: int) -> Iterator[Layout]:
+    """Yield so many orchards of which most pickers are away once, twice or thrice, for seconds or
+    for hours, from the beginning or from any time on.
+    """
+    chances = Random(f"absences {seed}")
+
+    def drawn() -> dict[str, Any]:
+        values = _sizes(chances)
+        values["picking_speed"] = chances.choice([0.2, 0.05, 0.02])
+        absences = {}
+        for number in range(1, values["pickers"] + 1):
+            hours = []
+            at = 0.0
+            for _ in range(chances.choice([0, 1, 1, 2, 3])):
+                begin = at + chances.choice([0.0, 0.3, 1.0]) * chances.random()
+                at = begin + chances.choice([0.03, 0.3, 3.0]) * (0.1 + chances.random())
+                hours.append([round(begin, 3), round(at, 3)])
+                at += 0.02
+            if hours:
+                absences[f"picker_{number:02d}"] = hours
+        failure = chances.choice([{}, {"mean_between": 300.0, "mean_repair": 60.0}])
+        return values | {"picker_absences": absences, "picking": {"failure": failure}}
+
+    return laid_out(drawn, count)
+
+
+def absence_shares(layouts: Iterator[Layout]) -> tuple[list[float], list[float]]:
+    """Check that no harvest is shorter than what is proven.
+
+    Return the proven seconds as a share of the harvest's, and the same if nobody is away.
+    """
+    shares = []
+    if_present = []
+    for layout in layouts:
+        harvest = DiscreteHarvest(layout).run()
+        if harvest.is_over:
+            proven = optimum(lay_out(undisturbed(layout.scenario)), WORK).proven_seconds
+            assert proven <= harvest.seconds, layout.scenario
+            shares.append(proven / harvest.seconds)
+            present = undisturbed(layout.scenario, picker_absences={})
+            if_present.append(optimum(lay_out(present), WORK).proven_seconds / harvest.seconds)
+    return shares, if_present
+
+
+def test_no_harvest_with_absences_is_shorter_than_proven() -> None:
+    """And the proof knows of the absences: it comes nearer to these harvests."""
+    shares, if_present = absence_shares(with_absences(1, 12))
+    assert fmean(shares) > fmean(if_present) + 0.1
+
+
+@pytest.mark.soak
+def test_soak_no_harvest_of_300_with_absences_beats_proofs() -> None:
+    shares, if_present = absence_shares(with_absences(2, MANY))
+    print(f"proven: {fmean(shares):.3f} of the harvest on average, {min(shares):.3f} at least")
+    print(f"without absences: {fmean(if_present):.3f} on average, {min(if_present):.3f} at least")
 
 
 @pytest.mark.soak

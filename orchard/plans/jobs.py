@@ -101,8 +101,11 @@ class TimedJob:
     @property
     def all_there(self) -> int:
         """The tick from which on its picker is not away any more; 0 if it never is."""
-        ends = [end for drive in self.absent for _, end in drive.absences]
-        return ticks(max(ends, default=0.0))
+        last = 0.0
+        for drive in self.absent:
+            for _, end in drive.absences:
+                last = max(last, end)
+        return ticks(last)
 
     def earliest_stop(self, went_on: int) -> int:
         """Return the earliest tick of the stop. `went_on`: that at which the picker went on, at the

@@ -56,7 +56,8 @@ def ranges(*words: str, scenario: Scenario | None = None) -> dict[str, tuple[flo
 
 
 def test_values_are_moved_by_shares_of_their_own() -> None:
-    """Rates are moved by 20 %, bins by 15 %, spreads and times by 30 %, and speeds by 10 %.
+    """Rates are moved by 20 %, bins by 15 %, spreads and times by 30 %, speeds and the width of
+    rows by 10 %.
 
     The scenario leaves the number of carriers open. It is six then, and is moved by one.
     """
@@ -68,7 +69,38 @@ def test_values_are_moved_by_shares_of_their_own() -> None:
         "carriers": (5, 7),
         "carrying.speed": (0.9, 1.1),
         "handling.unloading": (28.0, 52.0),
+        "row_width": (4.5, 5.5),
     }
+
+
+def test_the_spacing_of_surveyed_rows_is_not_moved() -> None:
+    """It was measured. These three rows are 5.5 m apart."""
+    rows = []
+    for number in range(3):
+        rows.append({"id": str(number), "south": 5.5 * number, "start": 0.0, "length": 60.0})
+    surveyed = Scenario(rows=3, row_length=60.0, pickers=2, survey={"rows": rows})
+    assert "row_width" not in ranges(scenario=surveyed)
+
+
+def test_a_scenario_with_very_many_values_moves_sixteen() -> None:
+    """The width of rows is the last of them, and stays."""
+    spreads = {"distribution": "lognormal", "cv": 0.2}
+    failure = {"mean_between": 3600.0}
+    crowded = with_changes(
+        parse(RENT),
+        picking={
+            "spread": spreads,
+            "spread_of_pickers": spreads,
+            "spread_of_bins": spreads,
+            "failure": failure,
+        },
+        carrying={"failure": failure, "battery": {"hours": 4.0}},
+        handling={"coupling": 2.0, "uncoupling": 2.0, "exchange": 2.0, "unloading": 40.0},
+        load_out={"empty_bins": 40, "truck": {"every": 3600.0, "bins": 20}},
+    )
+    moved = ranges(scenario=crowded)
+    assert len(moved) == 16
+    assert "row_width" not in moved
 
 
 def test_a_share_or_a_range_of_a_value_can_be_named() -> None:

@@ -8,6 +8,7 @@ the answer names each range, and the user can give another one by `--vary`.
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from math import floor, inf
 from types import MappingProxyType
 from typing import Any, get_args, get_origin
@@ -26,7 +27,9 @@ from orchard.study.spread import is_number
 # The values that are moved if the user names none: key -> the share by which it is moved up and
 # down. People pick 1.2 to 1.8 bins an hour, which is 1.5 and 20 %. A crop is estimated to about 15
 # %. Machines keep their speeds within 10 %. How long people handle bins, and how much rows differ,
-# is known least well. A number of things is moved by at least one.
+# is known least well. The width of rows, which is their spacing, is often assumed: most orchards
+# are within 10 % of the usual one. A number of things is moved by at least one. If a scenario has
+# more than MOST_FACTORS of these values, the last ones stay.
 SHARES: Mapping[str, float] = MappingProxyType(
     {
         "picking_rate": 0.20,
@@ -51,6 +54,7 @@ SHARES: Mapping[str, float] = MappingProxyType(
         "load_out.seconds": 0.30,
         "load_out.seconds_away": 0.20,
         "load_out.truck.every": 0.20,
+        "row_width": 0.10,
     }
 )
 # The share of a value that the user names without a share, and that has none above.
@@ -105,7 +109,7 @@ def factors_of(scenario: Scenario, words: Sequence[str]) -> tuple[list[Factor], 
     `words`: of these options; [] for the values of SHARES that the scenario has.
     """
     if not words:
-        return list(_usual_factors(scenario)), []
+        return list(islice(_usual_factors(scenario), MOST_FACTORS)), []
     factors: list[Factor] = []
     problems = []
     for word in words:
@@ -144,6 +148,9 @@ def _is_in_use(scenario: Scenario, key: str) -> bool:
     """Whether a scenario uses a value of SHARES, and does not take another one in its place."""
     if key in _OF_SPREADS:
         return bool(value_at(scenario, _OF_SPREADS[key]) != "none")
+    if key == "row_width":
+        # Surveyed rows have measured places.
+        return scenario.survey is None
     # These three have a number even where they are not set, because it follows from other values:
     # the length of a row says how many metres fill a bin, and the speed of picking says the rate.
     # Then the other values are moved.

@@ -24,8 +24,8 @@ from orchard.study.picture import (
 )
 from orchard.study.result import Interval
 from orchard.study.sensitivity.result import SensitivityResult
-from orchard.study.sensitivity.words import LUCK, UNFITTED
-from orchard.study.words import UNITS, key_words
+from orchard.study.sensitivity.words import LUCK, UNFITTED, value_name
+from orchard.study.words import UNITS
 
 # Height of a value's bar, and of all else, inches.
 HEIGHT_OF_BAR = 0.42
@@ -42,7 +42,7 @@ OF_FIRST_ORDER = {"aside": -0.12, "color": COLOURS[3], "marker": "s", "label": "
 
 def figure(result: SensitivityResult) -> Figure:
     """Return the picture of a sensitivity."""
-    names = [key_words(effect.key) for effect in result.effects]
+    names = [value_name(effect.key) for effect in result.effects]
     names.append(LUCK)
     rest = [result.luck]
     if result.unfitted.mean:

@@ -32,10 +32,10 @@ from orchard.study.sensitivity.surrogate import (
     points_for,
     shares_of,
 )
-from orchard.study.sensitivity.words import answer
+from orchard.study.sensitivity.words import answer, value_name
 from orchard.study.settings import Setting, settings_of
 from orchard.study.store import Store
-from orchard.study.words import key_words, setting_words
+from orchard.study.words import setting_words
 from orchard.study.workers import Workers, processes, scheduled
 
 # s between two reports of progress.
@@ -297,7 +297,7 @@ def _notes(result: SensitivityResult) -> list[str]:
     small = []
     for effect in result.effects:
         if effect.swing is not None and effect.swing < result.within * abs(result.mean):
-            small.append(key_words(effect.key))
+            small.append(value_name(effect.key))
     if small:
         words = f"less than {100.0 * result.within:g} % from its low end to its high one"
         notes.append(f"each of these moves the mean by {words}: {', '.join(small)}")

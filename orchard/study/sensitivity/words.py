@@ -26,6 +26,8 @@ SHARE_WORDS = (
     (0.37, "about two fifths"),
     (0.28, "about a third"),
 )
+# Key -> the words for a value, where its own words may be taken for another measure.
+NAMES = {"row_width": "row width from tree to tree"}
 LUCK = "luck of the seed"
 UNFITTED = "not told by the fit"
 HEADS = ("moved", "from", "to", "at low", "at high", "by itself, %", "in all, %")
@@ -105,8 +107,13 @@ def _share_words(share: float) -> str:
 
 
 def _moved(effect: Effect) -> str:
-    """Return a value with its range: 'the picking rate (1.2 to 1.8)'."""
-    return f"{key_words(effect.key)} ({effect.low:g} to {effect.high:g})"
+    """Return a value with its range: 'picking rate (1.2 to 1.8)'."""
+    return f"{value_name(effect.key)} ({effect.low:g} to {effect.high:g})"
+
+
+def value_name(key: str) -> str:
+    """Return the words for a value that is moved: 'picking rate'."""
+    return NAMES.get(key, key_words(key))
 
 
 def _percent(share: Interval) -> str:

@@ -217,7 +217,9 @@ compares have the same seeds, which takes most of that away already.
 A setting in which a harvest jams is left out, and named. So is one of which a run fails, as by an
 error in a policy: the exit code is 1. If all settings fail, there is no table. With a deadline and
 of a farm it is the same. A sensitivity ends at the first run that fails, and names the values of
-that run, because all its runs have the same policy.
+that run, because all its runs have the same policy. A setting is left out, too, if its values
+cannot stand together, as a truck that takes more bins than there are; the reason is told. A value
+that is wrong by itself ends the study before it begins.
 
 The [fast model](bounds.md#the-discrete-event-model) does all runs; it is compiled once for a
 machine, which takes some 40 s. With `--horizon harvest` the simulator checks the best two settings;
@@ -286,9 +288,9 @@ picking.driving_speed 0.9   1.1   8.5    8.6     0 ± 1        0 ± 1
 luck of the seed                                 40 ± 7       40 ± 7
 ```
 
-A value is moved by a share of its own: rates by 20 %, a crop by 15 %, speeds and the number of
-carriers by 10 %, handling and spreads by 30 %. These are judgements; `--vary KEY=SHARE%` and
-`--vary KEY=LOW..HIGH` say others. If you name any, only those are moved. A value that is 0, not
+A value is moved by a share of its own: rates by 20 %, a crop by 15 %, speeds, the width of rows and
+the number of carriers by 10 %, handling and spreads by 30 %. Surveyed rows keep their width. These
+are judgements; `--vary KEY=SHARE%` and `--vary KEY=LOW..HIGH` say others. If you name any, only those are moved. A value that is 0, not
 set, or at its limit is not moved unless you name its range. Of carriers, pickers and other numbers
 of things each number in the range has the same chance.
 

@@ -18,6 +18,7 @@ from orchard.calibrate.last_day import check_on_day, rate_of, split_last_day, wh
 from orchard.calibrate.log_lines import BinLog, read_log
 from orchard.calibrate.model_bins import model_bins
 from orchard.calibrate.picking import intervals_of, without_long_ones
+from orchard.calibrate.spreads import drawn_spreads
 from orchard.calibrate.structure import orchard_of
 from orchard.field.kinds import name_of
 from orchard.field.picking import picker_speed_of
@@ -374,6 +375,10 @@ def test_a_spread_of_bins_is_written_with_its_distribution():
     assert written.distribution == "gamma"
     assert written.cv == pytest.approx(fitted.picking.between_bins.value, abs=1e-4)
     assert written.cv == pytest.approx(0.2, rel=0.2)
+    # A run that predicts a day has the spread of one resample of the fit.
+    of_run = drawn_spreads(fitted.scenario, fitted.picking, resample=7, rate=2.0)
+    drawn = fitted.picking.between_bins.draws[7]
+    assert of_run["picking.spread_of_bins"]["cv"] == pytest.approx(drawn, abs=1e-4)
 
 
 def test_bins_that_are_alike_get_no_spread():

@@ -75,6 +75,10 @@ class StudyView:
                 self._build_deadline()
                 self._hint = ui.label(HINT).classes("study-hint")
             self._trouble = note("data-problem=study role=alert")
+            # When a study ends is not known: it takes as many runs as it needs to be sure.
+            self._bar = ui.linear_progress(show_value=False, size="6px")
+            self._bar.props('indeterminate rounded aria-label="The study goes on"')
+            self._bar.props("data-view=study-bar")
             self._changed = note("data-view=study-changed role=status", "study-changed")
             with ui.element("div").props("data-view=answer role=status"):
                 self._headline = note("", "answer-headline")
@@ -266,6 +270,7 @@ class StudyView:
         study = self._studies.command
         self._buttons.update(not self._settings.problem)
         self._badge.set_visibility(study is not None)
+        self._bar.set_visibility(study is not None and not study.is_over)
         has_answer = study is not None and study.is_over and study.result is not None
         self._report.set_visibility(has_answer)
         if study is not None:

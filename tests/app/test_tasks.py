@@ -35,11 +35,13 @@ def test_rows_are_entered_and_asked_without_a_mouse(keyboard):
     tab_to(keyboard, "study-start")
     press(keyboard, Keys.ENTER)
     keyboard.wait_until(lambda: keyboard.view("answer").text, "the study begins")
+    keyboard.wait_until(lambda: keyboard.view("study-bar").is_displayed(), "that it goes on")
     tab_to(keyboard, "study-stop")
     press(keyboard, Keys.ENTER)
     keyboard.wait_until(
         lambda: keyboard.view("study-state").text.lower() == "stopped", "it can be stopped, too"
     )
+    keyboard.wait_until(lambda: not keyboard.view("study-bar").is_displayed(), "that it is over")
 
 
 def test_a_preset_is_undone_without_a_mouse(keyboard):

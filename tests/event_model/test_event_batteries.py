@@ -33,3 +33,20 @@ def test_an_exchange_uses_a_battery_for_the_time_that_it_takes() -> None:
         assert exchange.carrier_ticks is not None
         share = exchange.carrier_ticks * TIME_STEP / 3600.0 / battery["hours"]
         assert battery["standing"] * share < exchange.battery_used < share
+
+
+def test_no_battery_is_more_than_full() -> None:
+    """Carriers stand in their charging lines, move up while they charge, and leave them full."""
+    values = NOBODY | {
+        **{"rows": 14, "pickers": 5, "carriers": 6, "row_length": 34.0, "picking_speed": 0.5},
+        **{"dispatch": "nearest", "route": "one-way", "chargers": 3},
+    }
+    battery = {"hours": 0.2, "hours_to_charge": 0.1, "reserve": 0.9, "standing": 0.3}
+    harvest = EventHarvest(lay_out(Scenario(**values, carrying={"battery": battery})))
+    most = 0.0
+    # Until all bins are delivered.
+    for tick in range(0, 15_000, 20):
+        harvest.advance(tick)
+        most = max(most, harvest.model.robots.charge.max())
+    assert harvest.is_over
+    assert most == 1.0

@@ -229,6 +229,7 @@ def end_charging(m, carrier):
         return
     me.charge = 1.0
     me.moved = 0
+    me.rested = 0
     me.is_charging = False
     me.is_charged = True
     if me.state == c.WAITING_FOR_CHARGE or me.state == c.FLAT:

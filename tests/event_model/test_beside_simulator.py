@@ -82,6 +82,12 @@ CELLS: dict[str, dict[str, Any]] = {
         "rows_to_pickers": "balanced-ends",
         "metres_per_bin": 17.5,
     },
+    "full bins whose pickers wait inside their rows": {
+        **{"rows": 6, "pickers": 6, "carriers": 1, "row_length": 59.0, "picking_speed": 0.2},
+        **{"dispatch": "predictive", "rows_to_pickers": "manual", "metres_per_bin": 17.5},
+        "picking": {"driving_speed": 0.93, "turning": 43.3},
+        "carrying": {"speed": 1.27, "turning": 47.5},
+    },
 }
 # Six carriers move up in a line behind one that turns.
 TURNING: dict[str, Any] = {

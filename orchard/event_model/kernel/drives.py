@@ -264,7 +264,7 @@ def begin_leg(m, robot, limit, ticks):
         me.hears_grants = True
         if limit < me.leg_goal:
             ticks = min(ticks, ticks_to_answer(m, robot))
-    if op.picks:
+    if op.picks or op.is_seen:
         hear_repaired(m, robot)
     note_rest(m, robot)
     begin_anew(m, robot)
@@ -318,7 +318,8 @@ def stand(m, robot, ahead):
     me = m.robots[robot]
     me.state = c.STANDING
     me.follows = ahead
-    if m.ops[me.op].picks:
+    op = m.ops[me.op]
+    if op.picks or op.is_seen:
         hear_failed(m, robot)
     see_standing(m, robot)
     ticks = c.NEVER

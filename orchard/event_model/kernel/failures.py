@@ -81,7 +81,8 @@ def until_away(m, robot, speed):
 @inner
 def fail(m, robot):
     """Begin a repair where the robot stands."""
-    if m.ops[m.robots[robot].op].picks:
+    op = m.ops[m.robots[robot].op]
+    if op.picks or op.is_seen:
         hear_failed(m, robot)
     see_standing(m, robot)
     may_be_emptied(m, robot)
@@ -127,5 +128,6 @@ def is_repaired(m, robot):
 def end_repair(m, robot):
     """Be repaired. The bay begins anew with a bin that it has not emptied."""
     begin_anew(m, robot)
-    if m.ops[m.robots[robot].op].picks:
+    op = m.ops[m.robots[robot].op]
+    if op.picks or op.is_seen:
         hear_repaired(m, robot)

@@ -114,7 +114,9 @@ def ticks_to_fill(m, op, drive, speed):
 
 @inner
 def hear_failed(m, picker):
-    """Let a picker's bin see that the picker stands, and will pick no more for now."""
+    """Let a picker's bin see that the picker stands: for now it fills no more, and drives no nearer
+    to the row's end.
+    """
     call = m.calls[picker]
     if call.bin == m.robots[picker].bin and call.failed == c.NONE:
         call.failed = tick_of(m)
@@ -122,7 +124,7 @@ def hear_failed(m, picker):
 
 @inner
 def hear_repaired(m, picker):
-    """Let a picker's bin see that the picker picks on: it will be full later."""
+    """Let a picker's bin see that the picker goes on: it will be full, and there, later."""
     call = m.calls[picker]
     if call.failed == c.NONE:
         return

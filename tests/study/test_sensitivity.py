@@ -179,6 +179,24 @@ def test_ranges_that_cannot_be_together_are_told() -> None:
         sensitivity(scenario, factors)
 
 
+def test_points_whose_values_cannot_be_together_are_left_out(found) -> None:
+    """A picker drives at 0.9 to 1.1 m/s, and picks no faster than it drives."""
+    result = found(small_orchard(), "picking_speed=0.7..0.98", "picking.driving_speed=0.9..1.1")
+    left_out = result.points_asked - result.points
+    assert 0 < left_out < result.points_asked / 10
+    words = f"{left_out} of {result.points_asked} points are left out"
+    assert any(words in note and "picking_speed" in note for note in result.notes)
+
+
+def test_an_end_of_a_range_that_is_wrong_alone_is_told() -> None:
+    """Few points come so near to the end, which the user has named all the same."""
+    scenario = with_changes(small_orchard(), picking_speed=0.52)
+    factors, problems = factors_of(scenario, ["picking.driving_speed=0.5..0.9"])
+    assert not problems
+    with pytest.raises(ScenarioError, match=r"picking_speed = 0\.52"):
+        sensitivity(scenario, factors)
+
+
 def test_a_sensitivity_is_of_the_fast_model() -> None:
     problems = sensitivity_problems(parse(RENT), [A], StudyOptions(model="full"))
     assert "by the fast model" in str(problems[0])

@@ -45,8 +45,12 @@ GOOD_FIT = 0.9
 # From here on the mean results at the ends of the values are shown too: a fit errs most there.
 FIT_OF_ENDS = 0.98
 NONE = Interval(mean=0.0, low=0.0, high=0.0)
-# How many points that jam a note names.
+# How many points that jam a note names, and how many faults of points that are left out.
 MOST_JAMS_NAMED = 3
+MOST_FAULTS_NAMED = 2
+# Of so large a share of the points more cannot be left out: the others no longer fill the ranges.
+# It was chosen.
+MOST_LEFT_OUT = 0.25
 # Percent of the runs on each side of the spread that is shown, which has 95 % of them.
 TAIL = 2.5
 
@@ -70,8 +74,7 @@ def sensitivity(
     problems = sensitivity_problems(scenario, factors, options)
     if problems:
         raise ScenarioError(problems)
-    shares = design(len(factors), points_for(len(factors)), scenario.seed)
-    settings = _settings(scenario, factors, shares)
+    points = _points(scenario, factors)
     get_ready([scenario])
     started: AbstractContextManager[Workers] = processes(options.workers)
     if options.scheduler:
@@ -80,8 +83,7 @@ def sensitivity(
         asked = _Sensitivity(
             scenario=scenario,
             factors=factors,
-            shares=shares,
-            settings=settings,
+            points=points,
             options=options,
             tell=tell,
         )
@@ -105,11 +107,30 @@ def sensitivity_problems(
     return problems + checked_settings(scenario, {}, options)[1]
 
 
-def _settings(scenario: Scenario, factors: Sequence[Factor], shares: Array) -> list[Setting]:
-    """Return the setting of each point. No two points have a common seed.
+@dataclass(frozen=True)
+class _Points:
+    """The points that are run, with the setting of each."""
 
-    Raises ScenarioError if values of some points cannot stand together, each fault once.
+    #: In the unit cube, (n, f).
+    shares: Array
+    settings: list[Setting]
+    #: What is wrong with points that are left out, each fault once.
+    faults: list[Problem]
+    #: How many points there are with those that are left out.
+    asked: int
+
+
+def _points(scenario: Scenario, factors: Sequence[Factor]) -> _Points:
+    """Return the points. No two of them have a common seed.
+
+    A point is left out if its values cannot stand together. Raises ScenarioError if one end of a
+    range is wrong by itself, or if too many points are left out for a fit of the whole ranges.
     """
+    problems = _wrong_ends(scenario, factors)
+    if problems:
+        raise ScenarioError(problems)
+    shares = design(len(factors), points_for(len(factors)), scenario.seed)
+    numbers = []
     settings = []
     faults: dict[str, Problem] = {}
     for number, of_point in enumerate(shares):
@@ -118,12 +139,23 @@ def _settings(scenario: Scenario, factors: Sequence[Factor], shares: Array) -> l
         for factor, share in zip(factors, of_point, strict=True):
             values[factor.key] = factor.value(float(share))
         possible, problems = settings_of(seeded, {key: [value] for key, value in values.items()})
-        settings += [Setting(values, setting.scenario) for setting in possible]
+        for setting in possible:
+            numbers.append(number)
+            settings.append(Setting(values, setting.scenario))
         for problem in problems:
             faults.setdefault(problem.text, problem)
-    if faults:
+    if len(shares) - len(settings) > MOST_LEFT_OUT * len(shares):
         raise ScenarioError(list(faults.values()))
-    return settings
+    return _Points(shares[numbers], settings, list(faults.values()), len(shares))
+
+
+def _wrong_ends(scenario: Scenario, factors: Sequence[Factor]) -> list[Problem]:
+    """Return what is wrong with ends of ranges, if no other value is moved."""
+    problems = []
+    for factor in factors:
+        ends = [factor.value(0.0), factor.value(1.0)]
+        problems += settings_of(scenario, {factor.key: ends})[1]
+    return problems
 
 
 @dataclass
@@ -144,9 +176,7 @@ class _Sensitivity:
 
     scenario: Scenario
     factors: Sequence[Factor]
-    #: The points in the unit cube, (n, f).
-    shares: Array
-    settings: list[Setting]
+    points: _Points
     options: StudyOptions
     tell: Callable[[float], None]
 
@@ -164,7 +194,7 @@ class _Sensitivity:
     ) -> SensitivityResult:
         """Do all runs that the budget allows, and return the answer."""
         runs = Replications(
-            self.settings,
+            self.points.settings,
             self.goal,
             self.options.horizon,
             store,
@@ -174,10 +204,10 @@ class _Sensitivity:
         )
         until = self.begun + self.options.budget_seconds
         try:
-            is_whole = runs.do(range(len(self.settings)), "fast", RUNS_OF_A_POINT, until)
+            is_whole = runs.do(range(len(self.points.settings)), "fast", RUNS_OF_A_POINT, until)
         except RunFailed:
             ((number, failure),) = runs.failing("fast").items()
-            raise RunFailed(f"{self.settings[number].words}: {failure}") from None
+            raise RunFailed(f"{self.points.settings[number].words}: {failure}") from None
         stopped_by: StoppedBy = "budget"
         if is_whole:
             stopped_by = "certain"
@@ -189,7 +219,7 @@ class _Sensitivity:
         """Tell which share of the runs is done."""
         self.done += 1
         if time.time() - self.told_at > REPORT_SECONDS:
-            self.tell(self.done / (RUNS_OF_A_POINT * len(self.settings)))
+            self.tell(self.done / (RUNS_OF_A_POINT * len(self.points.settings)))
             self.told_at = time.time()
 
     def _value(self, setting: Setting, record: RunRecord) -> float:
@@ -243,7 +273,7 @@ class _Sensitivity:
             unfitted=unfitted,
             fit=fit,
             points=len(results),
-            points_asked=len(self.settings),
+            points_asked=self.points.asked,
             runs=sum(map(len, results)),
             jammed=done.jammed,
             stopped_by=stopped_by,
@@ -251,20 +281,29 @@ class _Sensitivity:
             scenario=self.scenario.model_dump(),
             version=software(),
         )
-        result = replace(result, notes=_notes(result))
+        result = replace(result, notes=[*_notes(result), *self._notes_of_points()])
         return replace(result, answer=answer(result))
+
+    def _notes_of_points(self) -> list[str]:
+        """Return how many points are left out because their values cannot stand together."""
+        left_out = self.points.asked - len(self.points.settings)
+        if not left_out:
+            return []
+        why = "; ".join(map(str, self.points.faults[:MOST_FAULTS_NAMED]))
+        count = f"{left_out} of {self.points.asked} points"
+        return [f"{count} are left out, because their values cannot stand together: {why}"]
 
     def _done_points(self, runs: Replications) -> _DonePoints:
         """Return the points of which all runs are done."""
         done = _DonePoints()
-        for number, setting in enumerate(self.settings):
+        for number, setting in enumerate(self.points.settings):
             records = runs.known(number, "fast")
             if len(records) < setting.seeds_that_differ(RUNS_OF_A_POINT):
                 continue
             if runs.has_jammed(number, "fast"):
                 done.jammed.append(setting.values)
                 continue
-            done.shares.append(self.shares[number])
+            done.shares.append(self.points.shares[number])
             done.results.append([self._value(setting, record) for record in records])
         return done
 

@@ -295,7 +295,8 @@ the number of carriers by 10 %, handling and spreads by 30 %. Surveyed rows keep
 are judgements; `--vary KEY=SHARE%` and `--vary KEY=LOW..HIGH` say others. If you name any, only
 those are moved. A value that is 0, not set, or at its limit is not moved unless you name its range.
 Of carriers, pickers and other numbers of things each number in the range has the same chance.
-Points whose values cannot stand together are left out, and a note says why: up to a quarter of them.
+Points whose values cannot stand together are left out, and a note says why: at most a quarter of
+them.
 
 "By itself" is the first-order effect of Sobol, "in all" the total one, both as shares of all
 variance of a run. The luck of the seed is a part of that: two runs with different rows, people and

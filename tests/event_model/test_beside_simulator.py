@@ -89,6 +89,14 @@ CELLS: dict[str, dict[str, Any]] = {
         "carrying": {"speed": 1.27, "turning": 47.5},
     },
 }
+# Bins begin to report while their pickers pick. Each name says when.
+BEGIN_TO_REPORT: dict[str, dict[str, Any]] = {
+    "in the tick after the one in which the time left is the horizon": {},
+    "later, for their picker was away": {"picker_absences": {"picker_02": [[0.0, 0.04]]}},
+    "later, for their pickers failed within a step": {
+        "picking": {"failure": {"mean_between": 60.0, "mean_repair": 60.0}}
+    },
+}
 # Six carriers move up in a line behind one that turns.
 TURNING: dict[str, Any] = {
     "rows": 6,
@@ -249,6 +257,13 @@ def test_the_bay_empties_the_bin_of_a_carrier_that_fails_there(name: str) -> Non
 def test_the_bay_empties_the_bin_of_a_carrier_that_is_held_up() -> None:
     """It does so before the carrier is at its place; the carrier hears that there."""
     assert_is_near(HELD_UP_IN_BAY)
+
+
+@pytest.mark.parametrize("name", BEGIN_TO_REPORT)
+def test_bins_begin_to_report_when_the_simulators_do(name: str) -> None:
+    """The rhythm of its reports decides in which tick a bin sends for its carrier."""
+    values = {"rows": 4, "pickers": 2, "carriers": 2, "row_length": 60.0, "picking_speed": 0.2}
+    assert_is_near(values | {"dispatch": "predictive"} | BEGIN_TO_REPORT[name], within=1)
 
 
 @pytest.mark.parametrize("seconds", [0.7, 1.2])

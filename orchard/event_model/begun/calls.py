@@ -2,7 +2,6 @@
 do.
 """
 
-from math import ceil
 from typing import Any
 
 from orchard.behaviour.bin import CALL_AGAIN, BinMemory
@@ -130,13 +129,15 @@ class CallsOfBins:
         is_repaired = picker.state == c.REPAIRED
         if is_repaired and self._picks(picker):
             call.failed = self._tick
-        calls_at = ceil(call.full - self._model.desk[0].horizon / TIME_STEP)
+        calls_at = as_python(reports.first_report)(self._model, call.full)
         if memory.since < 0 or not (memory.carrier or calls_at <= self._tick):
             # It has not called yet, or has paused: it had thought that its picker would be faster.
             call.is_reported = False
             call.since = max(self._tick, calls_at)
             call.reports_from = call.since
-            if call.since < call.silent_since:
+            # One whose picker is repaired begins to call after that.
+            fills = call.failed == c.NONE or call.since <= call.failed
+            if fills and call.since < call.silent_since:
                 self._model.timers[c.REPORT, picker.number] = c.QUARTERS * call.since
         else:
             self._go_on_calling(picker, self._harvest.bin_names[picker.bin], memory)

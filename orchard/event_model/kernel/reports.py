@@ -9,7 +9,7 @@ silent before it hears that, it does not send for the carrier. If it is silent f
 dispatcher forgets the bin and the order.
 """
 
-from math import ceil, floor
+from math import floor
 
 from orchard.behaviour.bin import CALL_AGAIN
 from orchard.behaviour.dispatcher import BOOKED_TICKS, FORGET_TICKS
@@ -28,6 +28,8 @@ ORDERED = 1
 REPORTED = 1
 # Ticks from where a picker begins to pick until its bin knows how fast it does.
 MEASURED = 2
+# Ticks of rounding.
+NEAR = 1e-6
 
 
 @inner
@@ -61,7 +63,16 @@ def see_row(m, picker):
     call.measured = tick + MEASURED
     call.stood_until = c.NONE
     if not call.is_reported:
-        begin_reports(m, picker, max(seen, ceil(full - m.desk[0].horizon / TIME_STEP)))
+        begin_reports(m, picker, max(seen, first_report(m, full)))
+
+
+@inner
+def first_report(m, full):
+    """Return the tick at which a bin begins to report: it is full in less than the horizon then.
+
+    `full`: the tick at which it is full, perhaps between two.
+    """
+    return floor(full - m.desk[0].horizon / TIME_STEP + NEAR) + 1
 
 
 @inner
@@ -114,12 +125,28 @@ def ticks_to_fill(m, op, drive, speed):
 
 @inner
 def hear_failed(m, picker):
-    """Let a picker's bin see that the picker stands: for now it fills no more, and drives no nearer
-    to the row's end.
+    """Let a picker's bin see that the picker stands: for now it fills no more, drives no nearer to
+    the row's end, and does not begin to report.
     """
     call = m.calls[picker]
-    if call.bin == m.robots[picker].bin and call.failed == c.NONE:
-        call.failed = tick_of(m)
+    if call.bin != m.robots[picker].bin or call.failed != c.NONE:
+        return
+    call.failed = tick_of(m)
+    call.full += ticks_cut_off(m, picker)
+    if not call.is_reported and call.since > call.failed:
+        m.timers[c.REPORT, picker] = c.NEVER
+
+
+@inner
+def ticks_cut_off(m, picker):
+    """Return by which part of a tick the last step was shorter of a picker that has just stopped
+    in its row.
+    """
+    me = m.robots[picker]
+    has_just_driven = me.leg_ended == tick_of(m) and me.leg_begun < me.leg_ended
+    if not has_just_driven or me.leg_begun < m.calls[picker].measured - MEASURED:
+        return 0.0
+    return me.leg_ended - me.leg_begun - (me.here - me.leg_from) / me.leg_stride
 
 
 @inner
@@ -129,7 +156,12 @@ def hear_repaired(m, picker):
     if call.failed == c.NONE:
         return
     tick = tick_of(m)
-    call.full += tick - call.failed
+    stood = tick - call.failed
+    call.full += stood
+    if not call.is_reported and call.since > call.failed:
+        call.since = max(tick, first_report(m, call.full))
+        if not is_silent(m, picker):
+            begin_reports(m, picker, call.since)
     call.stood_since = call.failed
     call.stood_until = tick
     call.failed = c.NONE

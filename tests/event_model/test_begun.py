@@ -211,6 +211,20 @@ def test_a_robot_under_repair_is_repaired_in_the_harvest() -> None:
     assert not {tick: off for tick, off in apart.items() if off > NEAR}
 
 
+def test_the_bin_of_a_picker_that_is_away_reports_once_it_picks() -> None:
+    """It would have begun to report while its picker is away, in another rhythm."""
+    layout = lay_out_small(
+        row_length=60.0,
+        picking_speed=0.2,
+        dispatch="predictive",
+        picker_absences={"picker_02": [[0.0, 0.09]]},
+    )
+    run = Local(layout.scenario, is_hashed=False)
+    delivered, begun = deliveries_from(run, [*range(1003, 3200, 257)])
+    apart = {tick: farthest_apart(delivered, harvest) for tick, harvest in begun.items()}
+    assert max(apart.values()) <= 1
+
+
 def test_a_carrier_under_repair_in_the_bay_is_emptied_there() -> None:
     """Two of its four jobs fail where its bin stands in the bay."""
     failures = {"failure": {"mean_between": 60.0, "mean_repair": 200.0}}

@@ -92,7 +92,7 @@ CELLS: dict[str, dict[str, Any]] = {
 # Bins begin to report while their pickers pick. Each name says when.
 BEGIN_TO_REPORT: dict[str, dict[str, Any]] = {
     "in the tick after the one in which the time left is the horizon": {},
-    "later, for their picker was away": {"picker_absences": {"picker_02": [[0.0, 0.04]]}},
+    "later, for their picker was away": {"picker_absences": {"picker_02": [[0.0, 0.0903]]}},
     "later, for their pickers failed within a step": {
         "picking": {"failure": {"mean_between": 60.0, "mean_repair": 60.0}}
     },

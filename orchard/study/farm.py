@@ -8,7 +8,7 @@ blocks are added up too, and give its interval.
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from typing import Any
@@ -286,21 +286,22 @@ def _stopped_by(results: Sequence[StudyResult]) -> StoppedBy:
 
 def _failed(results: Sequence[StudyResult]) -> list[dict[str, Any]]:
     """Return the settings of which a run failed in any block, each once."""
-    failed: list[dict[str, Any]] = []
-    for result in results:
-        for setting in result.failed:
-            if setting not in failed:
-                failed.append(setting)
-    return failed
+    return _each_once(result.failed for result in results)
+
+
+def _each_once(of_blocks: Iterable[Sequence[dict[str, Any]]]) -> list[dict[str, Any]]:
+    """Return all settings of some blocks, each once."""
+    settings: list[dict[str, Any]] = []
+    for of_block in of_blocks:
+        for setting in of_block:
+            if setting not in settings:
+                settings.append(setting)
+    return settings
 
 
 def _settings_in_order(results: Sequence[StudyResult]) -> list[dict[str, Any]]:
     """Return all settings that any block was asked about, in the order of the table."""
-    settings: list[dict[str, Any]] = []
-    for result in results:
-        for setting in result.settings_asked:
-            if setting not in settings:
-                settings.append(setting)
+    settings = _each_once(result.settings_asked for result in results)
     varied = results[0].varied
 
     def place(setting: dict[str, Any]) -> tuple[int, ...]:
